@@ -1,0 +1,1 @@
+"""Floor 2: the drive log, and one file per format that becomes one."""

@@ -1,0 +1,1 @@
+"""Floor 2: the sample drives, and what makes them."""
