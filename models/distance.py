@@ -1,0 +1,237 @@
+"""Distance of a segmented landmark: a mixture of Gaussian process experts behind a gate, as in the paper.
+
+A close pole has lost its lamp at the image's upper edge and its mask is wide; a far one shows the lamp and
+is a few pixels thick. The gate, a Gaussian mixture on (box width / height, thickness), says which expert
+answers: the one with the highest posterior. Distances are horizontal, from the body's origin to the
+landmark's mapped foot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.models.camera import Camera
+from scpf.models.distance_gate import EXPERTS, Gate, fit_gate
+from scpf.models.distance_settings import DistanceSettings
+from scpf.models.errors import InputError
+from scpf.models.features import UNSCALED, Features, check_names, measure
+from scpf.models.gaussian_process import MIN_SAMPLES, GaussianProcess, condition, optimise
+from scpf.models.instances import Instance
+from scpf.models.observation import Distance
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+SINGLE: Final = "single"
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedOn:
+    """What a model was trained for: landmark class, image size (px), camera matrix (3, 3), and ``notes``."""
+
+    landmark_class: str
+    image_width_px: int
+    image_height_px: int
+    camera_matrix: Array
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """Predicted distances of N instances: ``mean_m``, both variances (m²), index of the expert,
+    ``in_range``: (N,).
+
+    NaN where an instance is too small.
+    """
+
+    mean_m: Array
+    variance_m2: Array
+    function_variance_m2: Array
+    expert: Indices
+    in_range: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceModel:
+    """A trained mixture of experts. ``gate`` is None where one expert, "single", answers for all.
+
+    ``inputs``: names of the features of each expert; it runs in parallel with ``experts``.
+    """
+
+    gate: Gate | None
+    experts: tuple[GaussianProcess, ...]
+    inputs: tuple[tuple[str, ...], ...]
+    trained_on: TrainedOn
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the experts."""
+        return EXPERTS if self.gate is not None else (SINGLE,)
+
+    def predict(
+        self, instances: Sequence[Instance], image_width_px: int, image_height_px: int
+    ) -> list[Distance | None]:
+        """The distance of each instance in an image of this size; None for one that is too small.
+
+        An image of another size but the same shape counts as a scaled one. Raises InputError for another
+        shape.
+        """
+        if not instances:
+            return []
+        measured = measure(instances, image_width_px, image_height_px)
+        found = self.predict_features(self._scaled(measured, image_width_px, image_height_px))
+        names = self.names
+        return [
+            None
+            if measured.too_small[k]
+            else Distance(
+                float(found.mean_m[k]),
+                float(found.variance_m2[k]),
+                float(found.function_variance_m2[k]),
+                names[found.expert[k]],
+                bool(found.in_range[k]),
+            )
+            for k in range(len(instances))
+        ]
+
+    def predict_features(self, features: Features) -> Predictions:
+        """Predictions for features that were measured in images of the training size."""
+        n = len(features)
+        mean, variance, function = np.full((3, n), np.nan)
+        found = Predictions(mean, variance, function, self.choose(features), np.zeros(n, dtype=np.bool_))
+        for k, (expert, names) in enumerate(zip(self.experts, self.inputs, strict=True)):
+            mine = np.flatnonzero((found.expert == k) & ~features.too_small)
+            if len(mine):
+                inputs = features.columns(names)[mine]
+                mean[mine], variance[mine], function[mine] = expert.predict(inputs)
+                found.in_range[mine] = expert.in_range(inputs)
+        return found
+
+    def choose(self, features: Features) -> Indices:
+        """Index (N,) of the expert that answers for each row of features."""
+        return np.zeros(len(features), dtype=np.intp) if self.gate is None else self.gate.experts(features)
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What the model was trained on, for the record of a result."""
+        about = self.trained_on
+        size = f"{about.image_width_px}×{about.image_height_px}"
+        experts = {
+            f"{name} expert": " ".join(used) for name, used in zip(self.names, self.inputs, strict=True)
+        }
+        return {"landmark_class": about.landmark_class, "image_px": size, **experts, **about.notes}
+
+    def for_frame(self, stamp_ns: int) -> DistanceModel:
+        """The model that answers at a time (UTC ns): itself; ``CrossFittedDistance`` holds several."""
+        return self
+
+    def check_camera(self, camera: Camera) -> None:
+        """InputError where ``camera`` is another one than the model was trained for: distances would be
+        wrong.
+        """
+        scale = self._scale(camera.width_px, camera.height_px)
+        mine, its = self.trained_on.camera_matrix, camera.matrix * scale
+        off = np.abs((mine - its)[[0, 1, 0, 1], [0, 1, 2, 2]])
+        if (off > 0.02 * mine[0, 0]).any():
+            raise InputError(
+                f"the distance model knows a focal length of {mine[0, 0]:.0f} px and a centre of "
+                f"({mine[0, 2]:.0f}, {mine[1, 2]:.0f}); this camera has {its[0, 0]:.0f} and "
+                f"({its[0, 2]:.0f}, {its[1, 2]:.0f})",
+                "train a distance model on a log of this camera",
+            )
+
+    def save(self, path: Path) -> None:
+        """Write the model to one .npz file."""
+        from scpf.models import distance_file
+
+        distance_file.save(self, path)
+
+    @classmethod
+    def load(cls, path: Path) -> DistanceModel:
+        """Read a model back; its predictions are bit-equal. Errors: ``distance_file.load``."""
+        from scpf.models import distance_file
+
+        model = distance_file.load(path)
+        if not isinstance(model, cls):
+            raise InputError(f"{path}: holds cross-fitted models", "give the model that was saved beside it")
+        return model
+
+    def _scale(self, width_px: int, height_px: int) -> float:
+        wide = self.trained_on.image_width_px / width_px
+        high = self.trained_on.image_height_px / height_px
+        if abs(wide / high - 1.0) > 0.01:
+            raise InputError(
+                f"the distance model was trained on images of {self.trained_on.image_width_px}×"
+                f"{self.trained_on.image_height_px} px; these have {width_px}×{height_px}",
+                "train a distance model on a log of this camera",
+            )
+        return wide
+
+    def _scaled(self, features: Features, width_px: int, height_px: int) -> Features:
+        scale = self._scale(width_px, height_px)
+        if scale == 1.0:
+            return features
+        factors = np.array([1.0 if name in UNSCALED else scale for name in features.names])
+        return replace(features, values=features.values * factors)
+
+
+def fit(
+    features: Features,
+    distances_m: Array,
+    settings: DistanceSettings,
+    seed: int,
+    trained_on: TrainedOn,
+    start: DistanceModel | None = None,
+) -> DistanceModel:
+    """The model of maximum marginal likelihood for N instances and their distances (N,) in m.
+
+    ``start``: a model whose hyperparameters the search begins with, instead of restarts (cross-fitting).
+    Where one of the gate's components has fewer than 8 samples a single expert with the close one's
+    features answers for all, and ``trained_on.notes["gate"]`` says so. Raises InputError for fewer than 8
+    samples in all, for an unknown feature, and for instances that are too small.
+    """
+    for names in (settings.close, settings.far):
+        check_names(names)
+    if len(features) != len(distances_m):
+        raise InputError(f"{len(features)} instances, but {len(distances_m)} distances")
+    if len(features) < MIN_SAMPLES or features.too_small.any():
+        small = int(features.too_small.sum())
+        raise InputError(
+            f"{len(features)} training samples, {small} of them too small; at least {MIN_SAMPLES} are needed",
+            "train with more frames, or on a longer drive",
+        )
+    gate = fit_gate(features, seed)
+    chosen = gate.experts(features)
+    counts = np.bincount(chosen, minlength=2)
+    inputs: tuple[tuple[str, ...], ...] = (settings.close, settings.far)
+    single = bool(counts.min() < MIN_SAMPLES)
+    if single:
+        chosen, inputs = np.zeros(len(features), dtype=np.intp), (settings.close,)
+        note = f"single expert: {counts[0]} close and {counts[1]} far samples"
+        trained_on = replace(trained_on, notes={**trained_on.notes, "gate": note})
+    warm = start is not None and start.inputs == inputs
+    rng = np.random.default_rng(seed)
+    experts = []
+    for k, names in enumerate(inputs):
+        rows = _thin(np.flatnonzero(chosen == k), settings.max_samples, rng)
+        few = _thin(rows, settings.max_search_samples, rng)
+        table = features.columns(names)
+        found = optimise(
+            table[few],
+            distances_m[few],
+            restarts=0 if warm else settings.restarts,
+            seed=seed,
+            start=start.experts[k].hyperparameters if warm and start is not None else None,
+        )
+        experts.append(condition(table[rows], distances_m[rows], found))
+    return DistanceModel(None if single else gate, tuple(experts), inputs, trained_on)
+
+
+def _thin(rows: Indices, most: int, rng: np.random.Generator) -> Indices:
+    return rows if len(rows) <= most else np.sort(rng.choice(rows, most, replace=False))

@@ -1,0 +1,179 @@
+"""Distance models on disk: one .npz, arrays and a JSON member, no pickle.
+
+``model.json`` (uint8) says format, version and, a model each, the experts with their features and what it was
+trained on; the arrays of expert E of model K are named ``K.E.NAME``. The Cholesky factor is stored (its lower
+triangle, row by row), not computed anew, so that predictions are bit-equal to those before saving.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.models.cross_fitted import CrossFittedDistance
+from scpf.models.distance import SINGLE, DistanceModel, TrainedOn
+from scpf.models.distance_gate import EXPERTS, Gate
+from scpf.models.errors import DamagedError, InputError, MissingError
+from scpf.models.features import FEATURES
+from scpf.models.gaussian_process import GaussianProcess, Hyperparameters
+
+FORMAT: Final = "scpf.distance"
+VERSION: Final = 1
+HEADER: Final = "model.json"
+MAX_BYTES: Final = 1 << 30
+"""What the members of a file may unpack to; a model of 1000 samples has 4 MB."""
+
+Array = NDArray[np.float64]
+Arrays = dict[str, NDArray[Any]]
+
+
+def save(model: DistanceModel | CrossFittedDistance, path: Path) -> None:
+    """Write ``model`` to ``path``, replacing it only when the new file is whole."""
+    folds = model.folds if isinstance(model, CrossFittedDistance) else (model,)
+    header: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    arrays: Arrays = {}
+    header["models"] = [_pack(fold, k, arrays) for k, fold in enumerate(folds)]
+    if isinstance(model, CrossFittedDistance):
+        header["stretches"] = {
+            "starts_ns": [int(start) for start in model.starts_ns],
+            "held_out": [sorted(poles) for poles in model.held_out],
+        }
+    arrays[HEADER] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with partial.open("wb") as file:
+            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def load(path: Path) -> DistanceModel | CrossFittedDistance:
+    """Read a model, plain or cross-fitted.
+
+    Raises MissingError where there is no file, DamagedError where it is cut short or contradicts itself,
+    InputError where it is something else or was written by a newer scpf.
+    """
+    if not path.is_file():
+        raise MissingError(
+            f"{path}: no such file", "train one with: scpf train distance LOG --output MODEL.npz"
+        )
+    try:
+        arrays = _read(path)
+        header = json.loads(arrays[HEADER].tobytes())
+        if header.get("format") != FORMAT:
+            raise InputError(f"{path}: not a distance model", "scpf train distance writes them")
+        if header["version"] > VERSION:
+            raise InputError(f"{path}: version {header['version']} is newer than this scpf", "update scpf")
+        folds = tuple(_unpack(member, k, arrays, path) for k, member in enumerate(header["models"]))
+        if "stretches" not in header:
+            return folds[0]
+        stretches = header["stretches"]
+        starts = np.array(stretches["starts_ns"], dtype=np.int64)
+        return CrossFittedDistance(folds, starts, tuple(frozenset(poles) for poles in stretches["held_out"]))
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+        raise DamagedError(f"{path}: cut short or corrupt ({error})", "train or copy it again") from error
+    except (KeyError, IndexError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise DamagedError(
+            f"{path}: not a whole distance model ({error})", "train or copy it again"
+        ) from error
+
+
+def _read(path: Path) -> Arrays:
+    """Every array of the file; ValueError for a pickled one, BadZipFile for a file that is not an archive."""
+    with zipfile.ZipFile(path) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > MAX_BYTES:
+            raise ValueError("it would unpack to more than 1 GiB")
+    with np.load(path, allow_pickle=False) as members:
+        return {name: members[name] for name in members.files}
+
+
+def _pack(model: DistanceModel, index: int, arrays: Arrays) -> dict[str, Any]:
+    """The header of one model; its arrays go into ``arrays``."""
+    if model.gate is not None:
+        for name in ("shares", "means", "variances"):
+            arrays[f"{index}.gate.{name}"] = getattr(model.gate, name)
+    for name, expert in zip(model.names, model.experts, strict=True):
+        prefix, found = f"{index}.{name}", expert.hyperparameters
+        arrays[f"{prefix}.scalars"] = np.array([found.signal_m2, found.noise_m2, expert.offset_m])
+        arrays[f"{prefix}.length_scales"] = found.length_scales
+        arrays[f"{prefix}.factor"] = expert.factor[np.tril_indices(len(expert.factor))]
+        for member in ("centre", "scale", "inputs", "weights", "lowest", "highest"):
+            arrays[f"{prefix}.{member}"] = getattr(expert, member)
+    about = model.trained_on
+    return {
+        "experts": {name: list(inputs) for name, inputs in zip(model.names, model.inputs, strict=True)},
+        "landmark_class": about.landmark_class,
+        "image_px": [about.image_width_px, about.image_height_px],
+        "camera_matrix": about.camera_matrix.tolist(),
+        "notes": dict(about.notes),
+    }
+
+
+def _unpack(member: Mapping[str, Any], index: int, arrays: Arrays, path: Path) -> DistanceModel:
+    names = tuple(member["experts"])
+    inputs = tuple(tuple(str(name) for name in member["experts"][expert]) for expert in names)
+    if names not in (EXPERTS, (SINGLE,)):
+        raise ValueError(f"experts {names}")
+    unknown = {name for each in inputs for name in each} - set(FEATURES)
+    if unknown:
+        raise InputError(
+            f"{path}: uses features that this scpf does not know: {sorted(unknown)}", "update scpf"
+        )
+    gate = None
+    if names == EXPERTS:
+        gate = Gate(
+            _array(arrays, f"{index}.gate.shares", (2,), positive=True),
+            _array(arrays, f"{index}.gate.means", (2, 2)),
+            _array(arrays, f"{index}.gate.variances", (2, 2), positive=True),
+        )
+    experts = tuple(
+        _expert(arrays, f"{index}.{name}", len(each)) for name, each in zip(names, inputs, strict=True)
+    )
+    width, height = (int(side) for side in member["image_px"])
+    matrix = np.array(member["camera_matrix"], dtype=np.float64).reshape(3, 3)
+    if width <= 0 or height <= 0:
+        raise ValueError(f"an image of {width}×{height} px")
+    notes = {str(key): str(value) for key, value in member["notes"].items()}
+    about = TrainedOn(str(member["landmark_class"]), width, height, matrix, notes)
+    return DistanceModel(gate, experts, inputs, about)
+
+
+def _expert(arrays: Arrays, prefix: str, d: int) -> GaussianProcess:
+    signal, noise, offset = (
+        float(value) for value in _array(arrays, f"{prefix}.scalars", (3,), positive=True)
+    )
+    n = len(arrays[f"{prefix}.weights"])
+    factor = np.zeros((n, n))
+    factor[np.tril_indices(n)] = _array(arrays, f"{prefix}.factor", (n * (n + 1) // 2,))
+    if not (np.diag(factor) > 0.0).all():
+        raise ValueError(f"{prefix}: the factor's diagonal is not positive")
+    lengths = _array(arrays, f"{prefix}.length_scales", (d,), positive=True)
+    return GaussianProcess(
+        Hyperparameters(signal, lengths, noise),
+        _array(arrays, f"{prefix}.centre", (d,)),
+        _array(arrays, f"{prefix}.scale", (d,), positive=True),
+        _array(arrays, f"{prefix}.inputs", (n, d)),
+        offset,
+        factor,
+        _array(arrays, f"{prefix}.weights", (n,)),
+        _array(arrays, f"{prefix}.lowest", (d,)),
+        _array(arrays, f"{prefix}.highest", (d,)),
+    )
+
+
+def _array(arrays: Arrays, name: str, shape: tuple[int, ...], *, positive: bool = False) -> Array:
+    """The named array, checked: float64, of ``shape``, finite, and positive where it has to be."""
+    values = arrays[name]
+    if values.dtype != np.float64 or values.shape != shape:
+        raise ValueError(f"{name} is {values.dtype} {values.shape}, not float64 {shape}")
+    if not np.isfinite(values).all() or (positive and not (values > 0.0).all()):
+        raise ValueError(f"{name} holds values that cannot be")
+    return np.ascontiguousarray(values)

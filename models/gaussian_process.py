@@ -1,0 +1,170 @@
+"""A Gaussian process with a Matérn 3/2 kernel: one expert for the distance of a landmark.
+
+scikit-learn finds the hyperparameters; the prediction is ours, from the stored Cholesky factor: eqs. (1)
+and (2) of the paper with K + σ_ε² I (the paper prints σ_ε).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.models.errors import InputError
+
+Array = NDArray[np.float64]
+
+MIN_SAMPLES: Final = 8
+"""Fewer samples do not determine a length scale a feature."""
+
+RANGE_SLACK: Final = 0.05
+"""An input may lie this share of the training span outside it and still counts as in range."""
+
+_ROOT3: Final = float(np.sqrt(3.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Hyperparameters:
+    """``signal_m2``: variance of the function. ``length_scales`` (D,), in standard deviations of each input.
+
+    ``noise_m2``: variance σ_ε² of the noise.
+    """
+
+    signal_m2: float
+    length_scales: Array
+    noise_m2: float
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianProcess:
+    """A fitted process with N training samples of D inputs.
+
+    ``centre`` and ``scale`` (D,) standardise inputs; ``inputs`` (N, D) are standardised and divided by the
+    length scales; ``offset_m`` is the mean training distance; ``factor`` (N, N) is the lower Cholesky
+    factor of K + σ_ε² I, ``weights`` (N,) = (K + σ_ε² I)⁻¹ (y − offset). ``lowest`` and ``highest`` (D,)
+    bound the training inputs, in their own units.
+    """
+
+    hyperparameters: Hyperparameters
+    centre: Array
+    scale: Array
+    inputs: Array
+    offset_m: float
+    factor: Array
+    weights: Array
+    lowest: Array
+    highest: Array
+
+    def predict(self, features: Array) -> tuple[Array, Array, Array]:
+        """Mean (M,) in m, predictive variance and function variance (M,) in m², of inputs (M, D).
+
+        Mean: eq. (1). Function variance: eq. (2). The predictive variance adds σ_ε²: a label, and thus a
+        measured distance, has the noise too.
+        """
+        from scipy.linalg import solve_triangular
+
+        scaled = (features - self.centre) / (self.scale * self.hyperparameters.length_scales)
+        cross = self.hyperparameters.signal_m2 * matern32(self.inputs, scaled)
+        mean = self.offset_m + self.weights @ cross
+        spread = solve_triangular(self.factor, cross, lower=True, check_finite=False)
+        function = self.hyperparameters.signal_m2 - np.einsum("nm,nm->m", spread, spread)
+        function = np.maximum(function, 1e-9)  # rounding alone could make it negative at a training input
+        return mean, function + self.hyperparameters.noise_m2, function
+
+    def in_range(self, features: Array) -> NDArray[np.bool_]:
+        """Whether each of the inputs (M, D) lies within the box of the training inputs, 5 % of its span
+        wider.
+        """
+        slack = RANGE_SLACK * (self.highest - self.lowest)
+        above, below = features >= self.lowest - slack, features <= self.highest + slack
+        inside: NDArray[np.bool_] = np.all(above & below, axis=1)
+        return inside
+
+
+def matern32(left: Array, right: Array) -> Array:
+    """Matérn ν = 3/2 correlations (N, M) of points (N, D) and (M, D) that are in units of the length
+    scales.
+    """
+    difference = left[:, None, :] - right[None, :, :]
+    distance = _ROOT3 * np.sqrt(np.einsum("nmd,nmd->nm", difference, difference))
+    correlation: Array = (1.0 + distance) * np.exp(-distance)
+    return correlation
+
+
+def condition(features: Array, distances_m: Array, hyperparameters: Hyperparameters) -> GaussianProcess:
+    """The process with given hyperparameters, conditioned on features (N, D) and distances (N,).
+
+    Raises InputError below 8 samples, or where a value is not finite.
+    """
+    from scipy.linalg import cho_solve, cholesky
+
+    _check(features, distances_m)
+    centre, scale = _standard(features)
+    inputs = (features - centre) / (scale * hyperparameters.length_scales)
+    offset = float(distances_m.mean())
+    covariance = hyperparameters.signal_m2 * matern32(inputs, inputs)
+    covariance[np.diag_indices(len(inputs))] += hyperparameters.noise_m2
+    factor = np.ascontiguousarray(cholesky(covariance, lower=True, check_finite=False))
+    weights = cho_solve((factor, True), distances_m - offset, check_finite=False)
+    return GaussianProcess(
+        hyperparameters, centre, scale, inputs, offset, factor, weights, features.min(0), features.max(0)
+    )
+
+
+def optimise(
+    features: Array,
+    distances_m: Array,
+    *,
+    restarts: int = 0,
+    seed: int = 0,
+    start: Hyperparameters | None = None,
+) -> Hyperparameters:
+    """Hyperparameters of maximum marginal likelihood for features (N, D) and distances (N,) in m.
+
+    ``restarts``: further starts, drawn with ``seed``. ``start``: where the first one begins. Raises
+    InputError as ``condition`` does.
+    """
+    import warnings
+
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+    from threadpoolctl import threadpool_limits
+
+    _check(features, distances_m)
+    centre, scale = _standard(features)
+    first = start or Hyperparameters(100.0, np.full(features.shape[1], 3.0), 0.3)
+    # The noise has a floor of (3 cm)²: it keeps K + σ_ε² I well conditioned, and no map is better than that.
+    # A length scale of 1000 standard deviations switches a feature off.
+    kernel = ConstantKernel(first.signal_m2, (1e-1, 1e6)) * Matern(
+        first.length_scales, (1e-2, 1e3), nu=1.5
+    ) + WhiteKernel(first.noise_m2, (1e-3, 1e2))
+    regressor = GaussianProcessRegressor(
+        kernel, alpha=1e-10, n_restarts_optimizer=restarts, random_state=seed
+    )
+    # Matrices of a few hundred rows: several BLAS threads wait for each other longer than they compute.
+    with threadpool_limits(1, "blas"), warnings.catch_warnings():
+        # "close to the bound" is what an unused feature looks like, and no fault.
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        regressor.fit((features - centre) / scale, distances_m - distances_m.mean())
+    product, white = regressor.kernel_.k1, regressor.kernel_.k2
+    lengths = np.atleast_1d(np.asarray(product.k2.length_scale, dtype=np.float64))
+    return Hyperparameters(float(product.k1.constant_value), lengths, float(white.noise_level))
+
+
+def _standard(features: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation (D,) of features (N, D); a constant feature keeps its unit."""
+    deviation = features.std(axis=0)
+    return features.mean(axis=0), np.where(deviation > 1e-9, deviation, 1.0)
+
+
+def _check(features: Array, distances_m: Array) -> None:
+    if len(features) < MIN_SAMPLES:
+        raise InputError(
+            f"{len(features)} samples for a Gaussian process; it needs {MIN_SAMPLES}",
+            "train with more frames, or on a longer drive",
+        )
+    if not (np.isfinite(features).all() and np.isfinite(distances_m).all()):
+        raise InputError("a training sample has a feature or a distance that is not a finite number")

@@ -1,0 +1,276 @@
+"""The distance model: the right mathematics, the right expert, and files that cannot lie."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pole_scenes import camera, pose, see
+
+from scpf.models import distance_file
+from scpf.models.cross_fitted import CrossFittedDistance
+from scpf.models.distance import DistanceModel, TrainedOn, fit
+from scpf.models.distance_settings import PRESETS, DistanceSettings
+from scpf.models.errors import DamagedError, InputError, MissingError, ScpfError
+from scpf.models.features import Features, measure
+from scpf.models.gaussian_process import Hyperparameters, condition, optimise
+from scpf.models.instances import Instance
+
+LENS = camera()
+QUICK = DistanceSettings(restarts=0)
+ABOUT = TrainedOn("light_pole", 1024, 768, LENS.matrix, {"logs": "synthetic"})
+
+
+def scene(n: int = 160, seed: int = 0) -> tuple[list[Instance], np.ndarray]:
+    """Instances of poles of many diameters around a straight road, and their distances (m)."""
+    rng = np.random.default_rng(seed)
+    instances, distances = [], []
+    while len(instances) < n:
+        foot = (rng.uniform(6, 50), rng.choice([-1, 1]) * rng.uniform(3, 6))
+        seen = see(LENS, pose(), foot, radius_m=rng.uniform(0.085, 0.095), height_m=rng.uniform(7.8, 8.2))
+        if seen is not None and not measure([seen], 1024, 768).too_small[0]:
+            instances.append(seen)
+            distances.append(np.hypot(*foot))
+    return instances, np.array(distances)
+
+
+@pytest.fixture(scope="module")
+def trained() -> tuple[DistanceModel, list[Instance], np.ndarray]:
+    instances, distances = scene()
+    model = fit(measure(instances, 1024, 768), distances, PRESETS["paper"], 0, ABOUT)
+    return model, instances, distances
+
+
+def test_prediction_is_the_dense_solution() -> None:
+    rng = np.random.default_rng(1)
+    X, y, Z = rng.normal(size=(60, 3)), rng.normal(20.0, 5.0, 60), rng.normal(size=(9, 3))
+    found = Hyperparameters(30.0, np.array([0.7, 2.0, 5.0]), 0.4)
+    mean, variance, function = condition(X, y, found).predict(Z)
+
+    def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        a, b = (each / (X.std(0) * found.length_scales) for each in (a, b))
+        r = np.sqrt(3.0) * np.linalg.norm(a[:, None] - b[None], axis=2)
+        return found.signal_m2 * (1.0 + r) * np.exp(-r)
+
+    K = kernel(X, X) + found.noise_m2 * np.eye(60)
+    cross = kernel(X, Z)
+    np.testing.assert_allclose(mean, y.mean() + cross.T @ np.linalg.solve(K, y - y.mean()), rtol=0, atol=1e-8)
+    expected = found.signal_m2 - np.diag(cross.T @ np.linalg.solve(K, cross))
+    np.testing.assert_allclose(function, expected, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(variance, expected + found.noise_m2, rtol=0, atol=1e-8)
+
+
+def test_prediction_is_scikit_learns() -> None:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+
+    rng = np.random.default_rng(2)
+    X, Z = rng.normal(size=(50, 2)), rng.normal(size=(7, 2))
+    y = 10.0 + X @ [3.0, -1.0] + 0.1 * rng.normal(size=50)
+    found = optimise(X, y)
+    kernel = ConstantKernel(found.signal_m2) * Matern(found.length_scales, nu=1.5) + WhiteKernel(
+        found.noise_m2
+    )
+    theirs = GaussianProcessRegressor(kernel, optimizer=None, alpha=0.0)
+    theirs.fit((X - X.mean(0)) / X.std(0), y - y.mean())
+    mean, deviation = theirs.predict((Z - X.mean(0)) / X.std(0), return_std=True)
+    ours, variance, _ = condition(X, y, found).predict(Z)
+    np.testing.assert_allclose(ours, mean + y.mean(), atol=1e-6)
+    np.testing.assert_allclose(variance, deviation**2, atol=1e-6)
+
+
+def test_distances_of_new_poles(trained: tuple[DistanceModel, list[Instance], np.ndarray]) -> None:
+    model, _, _ = trained
+    instances, distances = scene(60, seed=9)
+    found = [each for each in model.predict(instances, 1024, 768) if each is not None]
+    assert len(found) == 60
+    errors = np.array([each.mean_m for each in found]) - distances
+    deviations = np.sqrt([each.variance_m2 for each in found])
+    assert np.abs(errors).mean() < 0.6
+    assert (np.abs(errors) < 1.96 * deviations).mean() > 0.8
+    assert {each.expert for each in found} == {"close", "far"}
+    assert all(each.variance_m2 > each.function_variance_m2 > 0 for each in found)
+    assert sum(each.in_range for each in found) > 50
+
+
+def test_a_thicker_pole_is_closer(trained: tuple[DistanceModel, list[Instance], np.ndarray]) -> None:
+    model, _, _ = trained
+    seen = [see(LENS, pose(), (x, 4.0)) for x in (8.0, 11.0, 15.0, 21.0, 30.0, 42.0)]
+    found = model.predict([each for each in seen if each is not None], 1024, 768)
+    means = [each.mean_m for each in found if each is not None]
+    assert len(means) == 6
+    assert (np.diff(means) > 0).all()
+
+
+def test_a_batch_is_its_members(trained: tuple[DistanceModel, list[Instance], np.ndarray]) -> None:
+    model, instances, _ = trained
+    together = model.predict(instances[:20], 1024, 768)
+    for instance, one in zip(instances[:20], together, strict=True):
+        (alone,) = model.predict([instance], 1024, 768)
+        assert alone is not None
+        assert one is not None
+        assert alone.expert == one.expert
+        assert alone.mean_m == pytest.approx(one.mean_m, abs=1e-9)
+        assert alone.variance_m2 == pytest.approx(one.variance_m2, abs=1e-9)
+    assert model.predict([], 1024, 768) == []
+
+
+def test_too_small_and_out_of_range(trained: tuple[DistanceModel, list[Instance], np.ndarray]) -> None:
+    model, _, _ = trained
+    tiny = Instance((10.0, 10.0, 12.0, 15.0), np.ones((5, 2), dtype=bool), (10, 10), 1.0)
+    huge = Instance((300.0, 0.0, 700.0, 768.0), np.ones((768, 400), dtype=bool), (300, 0), 1.0)
+    first, second = model.predict([tiny, huge], 1024, 768)
+    assert first is None
+    assert second is not None
+    assert not second.in_range
+
+
+def test_the_gate_is_monotone_in_thickness(trained: tuple[DistanceModel, list[Instance], np.ndarray]) -> None:
+    gate = trained[0].gate
+    assert gate is not None
+    names = ("x1", "x2", "y1", "y2", "thickness")
+    for thickness, expert in ((0.5, 1), (200.0, 0)):
+        for width in (1.0, 50.0, 500.0):
+            values = np.array([[100.0, 100.0 + width, 50.0, 150.0, thickness]])
+            flags = np.zeros(1, dtype=bool)
+            assert gate.experts(Features(names, values, flags, flags)).tolist() == [expert]
+
+
+def test_other_cameras(trained: tuple[DistanceModel, list[Instance], np.ndarray]) -> None:
+    model, instances, _ = trained
+    with pytest.raises(InputError, match="1024×768"):
+        model.predict(instances[:1], 1920, 768)
+    model.check_camera(LENS)
+    model.check_camera(camera(512, 384, 365.0))  # the same lens at half the size
+    with pytest.raises(InputError, match="focal length"):
+        model.check_camera(camera(focal_px=900.0))
+    (full,) = model.predict(instances[:1], 1024, 768)
+    double = np.kron(instances[0].mask, np.ones((2, 2), dtype=bool))
+    box = tuple(2.0 * side for side in instances[0].box_px)
+    offset = (2 * instances[0].offset_px[0], 2 * instances[0].offset_px[1])
+    (scaled,) = model.predict([Instance(box, double, offset, 1.0)], 2048, 1536)
+    assert full is not None
+    assert scaled is not None
+    assert scaled.mean_m == pytest.approx(full.mean_m, abs=0.1)
+
+
+def test_few_samples() -> None:
+    instances, distances = scene(30)
+    features = measure(instances, 1024, 768)
+    few = np.arange(7)
+    with pytest.raises(InputError, match="at least 8"):
+        fit(features.rows(few), distances[few], QUICK, 0, ABOUT)
+    close_ones = np.argsort(distances)[:4].tolist() + np.argsort(distances)[-12:].tolist()
+    model = fit(features.rows(np.array(close_ones)), distances[close_ones], QUICK, 0, ABOUT)
+    assert model.names == ("single",)
+    assert "single expert" in model.metadata["gate"]
+    with pytest.raises(InputError, match="unknown"):
+        fit(features, distances, replace(QUICK, far=("x1", "mood")), 0, ABOUT)
+
+
+def test_the_same_seed_gives_the_same_model() -> None:
+    instances, distances = scene(60)
+    features = measure(instances, 1024, 768)
+    thin = replace(QUICK, max_samples=20, max_search_samples=15)
+    first, second = (fit(features, distances, thin, 3, ABOUT) for _ in range(2))
+    assert all(len(expert.weights) <= 20 for expert in first.experts)
+    assert first.predict(instances, 1024, 768) == second.predict(instances, 1024, 768)
+
+
+def test_a_file_round_trip_is_bit_equal(
+    trained: tuple[DistanceModel, list[Instance], np.ndarray], tmp_path: Path
+) -> None:
+    model, instances, _ = trained
+    model.save(tmp_path / "m.npz")
+    again = DistanceModel.load(tmp_path / "m.npz")
+    assert again.predict(instances, 1024, 768) == model.predict(instances, 1024, 768)
+    assert again.metadata == model.metadata
+    assert again.trained_on.landmark_class == "light_pole"
+    np.testing.assert_array_equal(again.trained_on.camera_matrix, LENS.matrix)
+    assert [path.name for path in tmp_path.iterdir()] == ["m.npz"]
+    assert again.for_frame(0) is again
+
+
+def test_cross_fitted_models_in_one_file(
+    trained: tuple[DistanceModel, list[Instance], np.ndarray], tmp_path: Path
+) -> None:
+    model, instances, distances = trained
+    other = fit(measure(instances[:80], 1024, 768), distances[:80], QUICK, 0, ABOUT, start=model)
+    both = CrossFittedDistance((model, other), np.array([100, 200]), (frozenset({"P1"}), frozenset()))
+    both.save(tmp_path / "c.npz")
+    again = distance_file.load(tmp_path / "c.npz")
+    assert isinstance(again, CrossFittedDistance)
+    assert again.held_out == both.held_out
+    for stamp, expected in ((0, model), (199, model), (200, other), (10**18, other)):
+        found = again.for_frame(stamp).predict(instances[:5], 1024, 768)
+        assert found == expected.predict(instances[:5], 1024, 768)
+    with pytest.raises(InputError, match="cross-fitted"):
+        DistanceModel.load(tmp_path / "c.npz")
+
+
+def changed(path: Path, **members: object) -> Path:
+    """A copy of a model file with other members."""
+    with np.load(path, allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    header = json.loads(arrays["model.json"].tobytes())
+    header.update(members.pop("header", {}))  # type: ignore[call-overload]
+    arrays["model.json"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    arrays.update(members)  # type: ignore[arg-type]
+    np.savez(path.with_name("changed.npz"), **arrays)
+    return path.with_name("changed.npz")
+
+
+@pytest.fixture(scope="module")
+def small_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    instances, distances = scene(90)
+    path = tmp_path_factory.mktemp("model") / "small.npz"
+    fit(measure(instances, 1024, 768), distances, QUICK, 0, ABOUT).save(path)
+    return path
+
+
+def test_refusals(small_file: Path, tmp_path: Path) -> None:
+    with pytest.raises(MissingError):
+        DistanceModel.load(tmp_path / "none.npz")
+    with pytest.raises(InputError, match="newer"):
+        DistanceModel.load(changed(small_file, header={"version": 99}))
+    with pytest.raises(InputError, match="not a distance model"):
+        DistanceModel.load(changed(small_file, header={"format": "other"}))
+    with pytest.raises(DamagedError):
+        DistanceModel.load(changed(small_file, **{"0.far.weights": np.array([{"a": 1}], dtype=object)}))
+    with pytest.raises(DamagedError, match=r"0\.far\.centre"):
+        DistanceModel.load(changed(small_file, **{"0.far.centre": np.full(4, np.nan)}))
+    with pytest.raises(DamagedError):
+        DistanceModel.load(changed(small_file, **{"0.close.weights": np.zeros(3)}))
+    with pytest.raises(DamagedError):
+        DistanceModel.load(changed(small_file, header={"models": []}))
+    text = tmp_path / "text.npz"
+    text.write_text("not an archive")
+    with pytest.raises(DamagedError):
+        DistanceModel.load(text)
+
+
+@given(st.floats(0.0, 0.999))
+@settings(max_examples=25, deadline=None)
+def test_a_file_cut_short_is_damaged(small_file: Path, share: float) -> None:
+    data = small_file.read_bytes()
+    cut = small_file.with_name("cut.npz")
+    cut.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(DamagedError):
+        DistanceModel.load(cut)
+
+
+@given(st.integers(0, 10**9), st.integers(1, 255))
+@settings(max_examples=60, deadline=None)
+def test_a_changed_byte_is_no_other_exception(small_file: Path, place: int, by: int) -> None:
+    data = bytearray(small_file.read_bytes())
+    data[place % len(data)] ^= by
+    bad = small_file.with_name("bad.npz")
+    bad.write_bytes(data)
+    with contextlib.suppress(ScpfError):
+        DistanceModel.load(bad)
