@@ -1,0 +1,18 @@
+"""Fixtures that several test modules share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real files that are not in the repository; the test is skipped where it is absent."""
+    root = Path(__file__).resolve().parent.parent
+    folder = Path(os.environ.get("SCPF_SHARED_DATA", root.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"real files not present: {folder} (set SCPF_SHARED_DATA)")
+    return folder
