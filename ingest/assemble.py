@@ -1,0 +1,225 @@
+"""Putting a drive log together: images with times, a reference trajectory, a calibration and a map."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.ingest.calibration import to_yaml
+from scpf.ingest.drive_log import (
+    CALIBRATION_ATTACHMENT,
+    MAP_ATTACHMENT,
+    SCPF_METADATA,
+    DriveLogWriter,
+    library_name,
+)
+from scpf.ingest.images import ImageFile
+from scpf.ingest.maps import encode_map
+from scpf.models.camera import Camera
+from scpf.models.errors import InputError
+from scpf.models.geodesy import Origin
+from scpf.models.road_map import RoadMap
+from scpf.models.trajectory import MAX_GAP_NS, Trajectory
+
+Stamps = NDArray[np.int64]
+
+MAX_IMAGE_BYTES: Final = 256 << 20
+GAP_FACTOR: Final = 1.5
+"""An interval this many times the median one is a gap: a frame or more is missing."""
+
+
+@dataclass
+class AssemblyReport:
+    """What became a drive log, and what did not. Times in seconds, ``dropped``: reason → count."""
+
+    path: str
+    frames: int = 0
+    poses: int = 0
+    poses_left_out: int = 0
+    """Poses more than a second before the first or after the last image: no frame needs them."""
+    landmarks: int = 0
+    duration_s: float = 0.0
+    median_interval_s: float = 0.0
+    gaps: list[tuple[float, float]] = field(default_factory=list)
+    """Start after the first image, and length, of each interval that is 1.5 times the median, or more."""
+    overlap_s: float = 0.0
+    """How long images and trajectory run side by side."""
+    frames_without_pose: int = 0
+    """Frames in the log that lie outside the trajectory, or in a gap of it."""
+    dropped: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def lossless(self) -> bool:
+        """Whether everything given is in the log."""
+        return not self.dropped
+
+
+def assemble(
+    output: Path,
+    images: Sequence[ImageFile],
+    stamps_ns: Stamps,
+    camera: Camera,
+    *,
+    trajectory: Trajectory | None = None,
+    position_variance_m2: float | None = None,
+    road_map: RoadMap | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    sources: Sequence[Path] = (),
+    overwrite: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> AssemblyReport:
+    """Write the drive log ``output`` and say what went into it.
+
+    ``stamps_ns`` (N,) belongs to ``images`` (N). ``start_s`` and ``end_s`` keep a part of the drive, in seconds
+    after the first image (asked for, hence not a loss). Images that cannot be read are dropped and counted.
+    ``sources`` are recorded with their SHA-256. Raises InputError, among others where images and trajectory
+    share no time, which is a mistaken clock.
+    """
+    if len(images) != len(stamps_ns):
+        raise InputError(f"{len(images)} images and {len(stamps_ns)} times")
+    if (images[0].width_px, images[0].height_px) != (camera.width_px, camera.height_px):
+        size = f"{images[0].width_px}×{images[0].height_px}"
+        text = f"the images have {size} px, the calibration is for {camera.width_px}×{camera.height_px} px"
+        raise InputError(text, "is this the calibration of these images?")
+    first_ns = int(stamps_ns[0])
+    low = first_ns if start_s is None else first_ns + round(start_s * 1e9)
+    high = int(stamps_ns[-1]) if end_s is None else first_ns + round(end_s * 1e9)
+    chosen = [k for k, stamp in enumerate(stamps_ns) if low <= stamp <= high]
+    if not chosen:
+        raise InputError(
+            f"no image lies between {start_s} and {end_s} s", f"the drive lasts {_span(stamps_ns):.3f} s"
+        )
+    report = AssemblyReport(str(output))
+    if trajectory is not None:
+        report.overlap_s = _overlap_s(stamps_ns[chosen], trajectory)
+
+    origin = road_map.origin if road_map is not None else None
+    with DriveLogWriter(output, overwrite=overwrite, origin=origin) as log:
+        log.write_camera(int(stamps_ns[chosen[0]]), camera)
+        _attach(log, camera, road_map, report)
+        kept = _write_all(log, images, stamps_ns, chosen, trajectory, position_variance_m2, report, progress)
+        _describe(report, stamps_ns[kept], trajectory)
+        log.metadata(SCPF_METADATA, _provenance(report, sources, origin))
+    return report
+
+
+def _write_all(
+    log: DriveLogWriter,
+    images: Sequence[ImageFile],
+    stamps_ns: Stamps,
+    chosen: list[int],
+    trajectory: Trajectory | None,
+    position_variance_m2: float | None,
+    report: AssemblyReport,
+    progress: Callable[[int, int], None] | None,
+) -> list[int]:
+    """Write images and poses in the order of their times; returns the images that were written."""
+    poses = trajectory.poses() if trajectory is not None else np.zeros((0, 4, 4))
+    pose_stamps = trajectory.stamps_ns if trajectory is not None else np.zeros(0, dtype=np.int64)
+    # A margin, so that the first and the last image still lie between two poses.
+    near = (pose_stamps >= stamps_ns[chosen[0]] - MAX_GAP_NS) & (
+        pose_stamps <= stamps_ns[chosen[-1]] + MAX_GAP_NS
+    )
+    report.poses_left_out = int(len(near) - near.sum())
+    events = [(int(pose_stamps[k]), 0, int(k)) for k in np.flatnonzero(near)]
+    events += [(int(stamps_ns[k]), 1, k) for k in chosen]
+    kept: list[int] = []
+    for stamp_ns, is_image, k in sorted(events):
+        if not is_image:
+            log.write_pose(stamp_ns, poses[k], position_variance_m2)
+            report.poses += 1
+            continue
+        data = _read(images[k].path)
+        if data is None:
+            reason = "image that could not be read"
+            report.dropped[reason] = report.dropped.get(reason, 0) + 1
+        else:
+            log.write_image(stamp_ns, data, images[k].format)
+            kept.append(k)
+        if progress is not None:
+            progress(len(kept), len(chosen))
+    if not kept:
+        raise InputError(f"none of {len(chosen)} images could be read")
+    return kept
+
+
+def _read(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes() if path.stat().st_size <= MAX_IMAGE_BYTES else None
+    except OSError:
+        return None
+
+
+def _attach(log: DriveLogWriter, camera: Camera, road_map: RoadMap | None, report: AssemblyReport) -> None:
+    log.attach(CALIBRATION_ATTACHMENT, "application/yaml", to_yaml(camera))
+    if road_map is not None:
+        log.attach(MAP_ATTACHMENT, "application/geo+json", encode_map(road_map))
+        report.landmarks = len(road_map.landmarks)
+
+
+def _describe(report: AssemblyReport, stamps_ns: Stamps, trajectory: Trajectory | None) -> None:
+    intervals = np.diff(stamps_ns) * 1e-9
+    report.frames = len(stamps_ns)
+    report.duration_s = _span(stamps_ns)
+    if len(intervals):
+        report.median_interval_s = float(np.median(intervals))
+        for k in np.flatnonzero(intervals >= GAP_FACTOR * report.median_interval_s):
+            report.gaps.append((float(stamps_ns[k] - stamps_ns[0]) * 1e-9, float(intervals[k])))
+    if trajectory is None:
+        report.frames_without_pose = len(stamps_ns)
+    else:
+        report.frames_without_pose = sum(trajectory.at(int(stamp)) is None for stamp in stamps_ns)
+
+
+def _overlap_s(stamps_ns: Stamps, trajectory: Trajectory) -> float:
+    low = max(int(stamps_ns[0]), int(trajectory.stamps_ns[0]))
+    high = min(int(stamps_ns[-1]), int(trajectory.stamps_ns[-1]))
+    if high < low:
+        begin = (int(trajectory.stamps_ns[0]) - int(stamps_ns[0])) * 1e-9
+        text = (
+            f"images and trajectory share no time: the trajectory begins {begin:+.3f} s after the first image"
+        )
+        raise InputError(text, "are both clocks UTC?")
+    return (high - low) * 1e-9
+
+
+def _span(stamps_ns: Stamps) -> float:
+    return float(int(stamps_ns[-1]) - int(stamps_ns[0])) * 1e-9
+
+
+def _provenance(report: AssemblyReport, sources: Sequence[Path], origin: Origin | None) -> dict[str, str]:
+    """The metadata record: how the log was made, of what, and what was left out."""
+    import platform
+    from importlib.metadata import version
+
+    versions = {name: version(name) for name in ("scpf", "mcap", "numpy", "rosbags")}
+    values: dict[str, Any] = {
+        "made_by": library_name(),
+        "made_from": {path.name: sha256(path) for path in sources},
+        "versions": {**versions, "python": platform.python_version()},
+        "origin": None if origin is None else list(origin),
+        "dropped": report.dropped,
+        "report": asdict(report),
+    }
+    return {name: value if isinstance(value, str) else json.dumps(value) for name, value in values.items()}
+
+
+def sha256(path: Path) -> str:
+    """The SHA-256 of a file; of a folder, that of the names and hashes of its files, sorted by name."""
+    digest = hashlib.sha256()
+    if path.is_dir():
+        for child in sorted(entry for entry in path.iterdir() if entry.is_file()):
+            digest.update(f"{child.name} {sha256(child)}\n".encode())
+        return digest.hexdigest()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
