@@ -1,0 +1,134 @@
+"""Frames of a drive log: images in order, each with the reference pose and rough GPS of its exposure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.ingest.drive_log import DriveLog
+from scpf.models.errors import InputError, MissingError
+from scpf.models.instances import Image
+from scpf.models.trajectory import Trajectory
+from scpf.replay.settings import GpsSettings
+from scpf.replay.step import Frame
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of a log to replay, in seconds after its first image; ``stop_s`` is exclusive."""
+
+    start_s: float = 0.0
+    stop_s: float = float("inf")
+
+
+def decode(encoded: bytes | memoryview, place: str) -> Image:
+    """The RGB image (H, W, 3) of JPEG or PNG bytes; InputError naming ``place`` where they are damaged."""
+    import cv2
+
+    image = (
+        cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), cv2.IMREAD_COLOR_RGB) if len(encoded) else None
+    )
+    if image is None:
+        raise InputError(f"{place}: the image cannot be decoded")
+    return np.asarray(image, dtype=np.uint8)
+
+
+class GpsEmulator:
+    """Rough GPS out of a reference: position plus white noise. Each frame's draw depends on its index and the seed
+    alone, so that a replay of a part of the log sees the same fixes."""
+
+    def __init__(self, sigma_m: float, seed: int) -> None:
+        self._sigma_m, self._seed = sigma_m, seed
+
+    def fix(self, index: int, T_map_body: Array) -> Array:
+        """Position (2,) in map."""
+        rng = np.random.default_rng([self._seed, 1, index])
+        position: Array = T_map_body[:2, 3] + self._sigma_m * rng.standard_normal(2)
+        return position
+
+
+def read_frames(
+    log: DriveLog, gps: GpsSettings, seed: int, window: Window, *, recorded: bool, pixels: bool
+) -> Iterator[Frame]:
+    """The log's frames in order. ``recorded`` reads the log's own masks, ``pixels`` decodes the images.
+
+    Raises InputError for an image that cannot be decoded, MissingError where the GPS asked for is not there.
+    """
+    trajectory = log.trajectory()
+    fixes = None if gps.source in ("none", "emulated") else log.gps()
+    if gps.source == "log" and fixes is None:
+        raise MissingError(f"{log.path}: no rough GPS in the log", "use --gps emulated")
+    if gps.source == "emulated" and trajectory is None:
+        raise MissingError(f"{log.path}: no reference to emulate GPS from", "use --gps none")
+    emulator = None
+    if gps.source in ("auto", "emulated") and fixes is None and trajectory is not None:
+        emulator = GpsEmulator(gps.sigma_m, seed)
+    masks = log.instances() if recorded else {}
+
+    first_ns: int | None = None
+    last_ns: int | None = None
+    for index, picture in enumerate(log.images()):
+        first_ns = picture.stamp_ns if first_ns is None else first_ns
+        seconds = (picture.stamp_ns - first_ns) * 1e-9
+        if seconds < window.start_s:
+            continue
+        if seconds >= window.stop_s:
+            break
+        pose = None if trajectory is None else trajectory.at(picture.stamp_ns)
+        interval_s = 0.0 if last_ns is None else (picture.stamp_ns - last_ns) * 1e-9
+        fix, variance = None, gps.sigma_m**2
+        if fixes is not None:
+            fix, variance = _nearest_fix(fixes, picture.stamp_ns, interval_s)
+        elif emulator is not None and pose is not None:
+            fix = emulator.fix(index, pose)
+        yield Frame(
+            index=index,
+            stamp_ns=picture.stamp_ns,
+            encoded=picture.data,
+            image_format=picture.format,
+            image=decode(picture.data, f"{log.path}: frame {index}") if pixels else None,
+            dt_s=interval_s,
+            T_map_body=pose,
+            gps_m=fix,
+            gps_variance_m2=variance,
+            recorded=tuple(masks.get(picture.stamp_ns, ())),
+        )
+        last_ns = picture.stamp_ns
+
+
+def _nearest_fix(
+    fixes: tuple[NDArray[np.int64], Array, Array], stamp_ns: int, interval_s: float
+) -> tuple[Array | None, float]:
+    """The fix nearest in time, where it is within half a frame's interval (so that each is used once)."""
+    stamps, positions, variances = fixes
+    nearest = int(np.argmin(np.abs(stamps - stamp_ns)))
+    reach_ns = max(interval_s, 0.05) / 2 * 1e9
+    if abs(int(stamps[nearest]) - stamp_ns) > reach_ns:
+        return None, float(variances[nearest])
+    return positions[nearest], float(variances[nearest])
+
+
+def first_state(log: DriveLog, frame: Frame, trajectory: Trajectory | None) -> Array:
+    """[x, y, vx, vy] to start from: the reference's at the first frame, else the GPS fix, at rest.
+
+    Only the start uses the reference, and the filter spreads its particles around it by P0.
+    """
+    if trajectory is not None and frame.T_map_body is not None:
+        half_ns = 200_000_000
+        before, after = (trajectory.at(frame.stamp_ns + step) for step in (-half_ns, half_ns))
+        before = frame.T_map_body if before is None else before
+        after = frame.T_map_body if after is None else after
+        spans = (after is not frame.T_map_body) + (before is not frame.T_map_body)
+        velocity = (after - before)[:2, 3] / (0.2 * spans) if spans else np.zeros(2)
+        return np.concatenate([frame.T_map_body[:2, 3], velocity])
+    if frame.gps_m is not None:
+        return np.concatenate([frame.gps_m, np.zeros(2)])
+    raise MissingError(
+        f"{log.path}: nothing says where the drive begins",
+        "the first frame needs a reference pose or a GPS fix; try another --start",
+    )

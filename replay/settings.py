@@ -1,0 +1,86 @@
+"""The settings of a replay, in one place: frozen, and saved with every result."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final, Literal
+
+from scpf.models.association import NearestNeighbour
+from scpf.models.errors import UsageError
+from scpf.models.particle_filter import FilterSettings
+
+GpsSource = Literal["auto", "log", "emulated", "none"]
+
+
+@dataclass(frozen=True)
+class ConstraintSettings:
+    """Slack and limits of the soft constraints; the defaults are the paper's."""
+
+    road_slack_mean_m: float = 0.25
+    speed_limit_mps: float = 12.0
+    speed_slack_mean_mps: float = 1.0
+    landmarks: bool = True
+    road: bool = True
+    speed: bool = True
+
+
+@dataclass(frozen=True)
+class GpsSettings:
+    """The rough GPS: the log's own, or the reference disturbed by white noise of ``sigma_m`` a axis, or none.
+
+    ``auto`` takes the log's own where it has one, else emulates it.
+    """
+
+    source: GpsSource = "auto"
+    sigma_m: float = 3.0
+
+
+@dataclass(frozen=True)
+class SurfaceSettings:
+    """The grid on which the constraint surface is recorded, centred on the estimate."""
+
+    cells: int = 81
+    cell_m: float = 0.5
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a replay runs with.
+
+    ``q_m2ps3`` is the motion noise of the scPF, ``baseline_q_m2ps3`` that of the PF beside it.
+    """
+
+    preset: str = "paper"
+    segmenter: str = "polenet"
+    score_threshold: float = 0.9
+    distance_model: str = "default"
+    seed: int = 0
+    q_m2ps3: float = 11.0
+    baseline_q_m2ps3: float = 4.0
+    filter: FilterSettings = field(default_factory=FilterSettings)
+    constraints: ConstraintSettings = field(default_factory=ConstraintSettings)
+    matching: NearestNeighbour = field(default_factory=NearestNeighbour)
+    gps: GpsSettings = field(default_factory=GpsSettings)
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The settings as plain values, for JSON."""
+        return asdict(self)
+
+
+PRESETS: Final[dict[str, Settings]] = {
+    "paper": Settings(),
+    "pf": Settings(
+        preset="pf",
+        q_m2ps3=4.0,
+        constraints=ConstraintSettings(landmarks=False, road=False, speed=False),
+    ),
+}
+"""``paper``: the paper's scPF. ``pf``: the same filter without any constraint, with the paper's motion noise for it."""
+
+
+def preset(name: str) -> Settings:
+    """The settings of a preset; UsageError where there is none of that name."""
+    if name not in PRESETS:
+        raise UsageError(f"no preset {name!r}", f"presets: {', '.join(PRESETS)}")
+    return PRESETS[name]

@@ -1,0 +1,85 @@
+"""The records that pass between the stages of a replay: a frame in, a step out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.models.association import Match
+from scpf.models.instances import Image, Instance
+from scpf.models.observation import Observation
+from scpf.models.particle_filter import Belief
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One camera frame of a drive log with what else is known at its time.
+
+    ``image`` (H, W, 3) RGB is None where the segmenter reads no pixels; ``encoded`` are the file's own bytes.
+    ``T_map_body`` (4, 4) is the reference pose at the exposure, ``gps_m`` (2,) the rough position; either may be
+    missing. ``recorded`` are the instances that the log itself holds for this frame.
+    """
+
+    index: int
+    stamp_ns: int
+    encoded: bytes | memoryview
+    image_format: str
+    image: Image | None
+    dt_s: float
+    T_map_body: Array | None
+    gps_m: Array | None
+    gps_variance_m2: float
+    recorded: tuple[Instance, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Constraint values over a grid of positions at the estimated velocity.
+
+    ``violation`` (R, C): the paper's Σ max(C, 0); ``log_probability`` (R, C): Σ log Pr. Row 0 is the southernmost,
+    column 0 the westernmost; ``corner_m`` (2,) is the centre of cell (0, 0), in map; ``cell_m`` its side.
+    """
+
+    corner_m: Array
+    cell_m: float
+    violation: Array
+    log_probability: Array
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Position error against the reference (m): total, along and to the left of the reference heading."""
+
+    position_m: float
+    longitudinal_m: float
+    lateral_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Everything that one frame led to; what recording and results are written from.
+
+    ``observations``, ``matches``, ``true_distances_m`` and ``true_landmark_ids`` run in parallel; the last two come
+    from the reference pose and the map (None and "" where they do not say). ``unmeasured`` are instances without a
+    distance. ``baseline`` is the unconstrained particle filter's belief. ``timing_s`` names each stage.
+    ``notes`` are (level, text) for the log lane; level as in logging.
+    """
+
+    frame: Frame
+    observations: tuple[Observation, ...]
+    matches: tuple[Match, ...]
+    true_distances_m: tuple[float | None, ...]
+    belief: Belief
+    baseline: Belief
+    surface: Surface
+    errors: Errors | None
+    baseline_errors: Errors | None
+    timing_s: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[tuple[str, str], ...] = ()
+    unmeasured: tuple[Instance, ...] = ()
+    true_landmark_ids: tuple[str, ...] = ()
