@@ -1,0 +1,249 @@
+"""The recording: every step of a replay as a Rerun file. docs/RECORDING.md says what goes where."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from scpf.models.camera import Camera
+from scpf.models.errors import InputError
+from scpf.models.particle_filter import Belief
+from scpf.models.road_map import RoadMap
+from scpf.replay import overlays, shapes
+from scpf.replay.blueprint import MAP_ASPECT, Extent, layout
+from scpf.replay.recording_camera import log_camera
+from scpf.replay.recording_style import TRUE_DISTANCE, log_map, log_style, log_surface_style, timing_style
+from scpf.replay.step import Frame, Step, Surface
+
+Array = NDArray[np.float64]
+
+FLUSH_EVERY_S: Final = 3.0
+ABOVE_PARTICLES_M: Final = 0.3
+SLOWEST_MPS: Final = 0.3
+NAMESPACE: Final = uuid.UUID("6f6f1d0c-5f0b-4a3e-9d35-0e6f6b1c7a10")
+
+PARTICLE_LIGHT: Final = np.array([140, 40, 50])
+PARTICLE_HEAVY: Final = np.array([255, 85, 75])
+LEVELS: Final = {"WARNING": "WARN", "FATAL": "CRITICAL"}
+
+
+class Recording:
+    """Writes ``NAME.rrd``; until the last step is in, the file is called ``NAME.partial.rrd``.
+
+    Of an interrupted replay the partial file stays, and the viewer opens it up to the last flush.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        name: str,
+        camera: Camera | None,
+        road_map: RoadMap | None,
+        about_markdown: str,
+        settings: Mapping[str, str],
+    ) -> None:
+        self.path = path
+        self.partial_path = path.with_suffix(".partial.rrd")  # the viewer opens nothing else
+        self._camera = camera
+        self._landmarks = (
+            {mark.id: np.array(mark.position_m[:2]) for mark in road_map.landmarks} if road_map else {}
+        )
+        self._classes = overlays.LandmarkClasses(road_map)
+        self._grid: tuple[int, int, float] | None = None
+        self._state = ""
+        self._distances: set[str] = set()
+        self._named: set[str] = set()
+        self._before: dict[str, Array] = {}
+        self._flushed_s = time.monotonic()
+        # The same run twice is the same recording; two different runs can be opened side by side.
+        identity = str(uuid.uuid5(NAMESPACE, repr((name, sorted(settings.items())))))
+        batches = rr.ChunkBatcherConfig(flush_tick=10.0)  # one-row chunks would double the file
+        self._rec = rr.RecordingStream(
+            "scpf", recording_id=identity, send_properties=False, batcher_config=batches
+        )
+        self._rec.set_log_time_enabled(False)
+        size = (camera.width_px, camera.height_px) if camera else None
+        try:
+            self._rec.save(self.partial_path, default_blueprint=layout(size, _extent(road_map)))
+        except RuntimeError as error:
+            raise InputError(f"{self.partial_path} cannot be written ({error})") from error
+        self._rec.send_recording_name(name)
+        if settings:
+            self._rec.send_property("scpf", rr.AnyValues(drop_untyped_nones=True, **settings))
+        self._rec.log("about", rr.TextDocument(about_markdown, media_type="text/markdown"), static=True)
+        log_style(self._rec)
+        if road_map is not None:
+            log_map(self._rec, road_map, self._classes)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._rec.flush()
+        self._rec.disconnect()  # writes the footer
+        if kind is None:
+            self.partial_path.replace(self.path)
+
+    def log(self, step: Step) -> None:
+        """Add one step at its frame's index and stamp."""
+        self._rec.set_time("frame", sequence=step.frame.index)
+        self._rec.set_time("time", timestamp=np.datetime64(step.frame.stamp_ns, "ns"))
+        log_camera(self._rec, step, self._classes, self._camera.height_px if self._camera else None)
+        self._log_reference(step.frame, step.belief)
+        self._log_belief("world/estimate", step.belief)
+        self._log_belief("world/baseline", step.baseline)
+        self._log_particles(step.belief)
+        self._log_distances(step)
+        self._log_surface(step.surface)
+        self._log_numbers(step)
+        if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:  # a killed process keeps what was flushed
+            self._rec.flush()
+            self._flushed_s = time.monotonic()
+
+    def _log_reference(self, frame: Frame, belief: Belief) -> None:
+        pose = frame.T_map_body
+        here = belief.mean[:2] if pose is None else pose[:2, 3]
+        self._rec.log("world/ego", rr.Transform3D(translation=(*here, 0.0)))
+        ahead = _direction(belief) if pose is None else pose[:2, 0]
+        if pose is not None:
+            self._arrow("world/truth", here, ahead)
+        if self._camera is not None and ahead is not None:
+            wedge = shapes.view_wedge(self._camera, here, ahead)
+            self._rec.log("world/view", rr.LineStrips3D.from_fields(strips=[wedge]))
+        if frame.gps_m is not None:
+            self._rec.log("world/gps", rr.Points3D.from_fields(positions=shapes.on_ground(frame.gps_m[None])))
+
+    def _log_belief(self, entity: str, belief: Belief) -> None:
+        self._arrow(entity, belief.mean[:2], _direction(belief))
+        ellipse = shapes.ellipse(belief.mean, belief.covariance)
+        self._rec.log(f"{entity}/sigma2", rr.LineStrips3D.from_fields(strips=[ellipse]))
+
+    def _arrow(self, entity: str, position: Array, heading: Array | None, length_m: float = 5.0) -> None:
+        """A pose as an arrow, and one piece of its trail."""
+        vector = np.zeros(2) if heading is None else heading * length_m
+        arrow = rr.Arrows3D.from_fields(
+            origins=shapes.on_ground(position[None], ABOVE_PARTICLES_M),
+            vectors=shapes.on_ground(vector[None]),
+        )
+        self._rec.log(f"{entity}/pose", arrow)
+        before = self._before.get(entity, position)
+        self._before[entity] = position
+        piece = shapes.on_ground(np.array([before, position]))
+        self._rec.log(f"{entity}/trail", rr.LineStrips3D.from_fields(strips=[piece]))
+
+    def _log_particles(self, belief: Belief) -> None:
+        weights = belief.weights.astype(np.float32)
+        share = (weights / max(float(weights.max()), 1e-30))[:, None]
+        colours = (PARTICLE_LIGHT + share * (PARTICLE_HEAVY - PARTICLE_LIGHT)).astype(np.uint8)
+        points = rr.Points3D.from_fields(positions=shapes.on_ground(belief.states[:, :2]), colors=colours)
+        self._rec.log("world/particles", points, rr.AnyValues(weight=weights))
+
+    def _log_distances(self, step: Step) -> None:
+        rings, ids, seen = [], [], set[str]()
+        for observation, match, truth in zip(
+            step.observations, step.matches, step.true_distances_m, strict=True
+        ):
+            name, distance = match.landmark_id, observation.distance
+            if not name or name in seen:
+                continue
+            seen.add(name)
+            part = rr.escape_entity_path_part(name)
+            entity = f"gpr/{part}"
+            colour = self._classes.colour_of(name)
+            self._name_once(f"{entity}/true", TRUE_DISTANCE)
+            measured = rr.Measurements(
+                [distance.mean_m], variances=[distance.variance_m2], names=name, colors=colour
+            )
+            self._rec.log(entity, measured)
+            if truth is not None:
+                self._rec.log(f"{entity}/true", rr.Scalars(truth))
+                off = rr.Measurements(
+                    [distance.mean_m - truth], variances=[distance.variance_m2], names=name, colors=colour
+                )
+                self._rec.log(f"distance_error/{part}", off)
+            if name in self._landmarks:
+                rings.append(shapes.ring(self._landmarks[name], distance.mean_m))
+                ids.append(self._classes.class_of(name))
+        for name in sorted(self._distances - seen):  # a gap, not a line to the next time that it is seen
+            for group in ("gpr", "distance_error"):
+                self._scalar(f"{group}/{rr.escape_entity_path_part(name)}", None)
+        self._distances = seen
+        self._rec.log("world/rings", rr.LineStrips3D.from_fields(strips=rings, class_ids=ids))
+
+    def _log_surface(self, surface: Surface) -> None:
+        rows, columns = surface.violation.shape
+        if self._grid != (rows, columns, surface.cell_m):
+            self._grid = (rows, columns, surface.cell_m)
+            log_surface_style(self._rec, *self._grid)
+        # A grid map is placed by its lower left corner, and its first row is the top one.
+        corner = (*(np.asarray(surface.corner_m) - surface.cell_m / 2), -0.05)
+        log_probability, peak = shapes.relative_log_probability(surface)
+        violation, lowest = shapes.relative_violation(surface)
+        for name, marker, values, best in (
+            ("log_probability", "peak", log_probability, log_probability == log_probability.max()),
+            ("sum", "minimum", violation, violation == violation.min()),
+        ):
+            grid = rr.GridMap.from_fields(data=values[::-1].astype(np.float16).tobytes(), translation=corner)
+            self._rec.log(f"world/surface/{name}", grid)
+            at = rr.Points3D.from_fields(positions=shapes.cell_centre(surface, best))
+            self._rec.log(f"world/surface/{name}/{marker}", at)
+        self._rec.log("surface/peak", rr.Scalars(peak))
+        self._rec.log("surface/minimum", rr.Scalars(lowest))
+
+    def _log_numbers(self, step: Step) -> None:
+        errors, baseline = step.errors, step.baseline_errors
+        self._scalar("error/position/scpf", errors.position_m if errors else None)
+        self._scalar("error/position/pf", baseline.position_m if baseline else None)
+        self._scalar("error/heading_frame/longitudinal", errors.longitudinal_m if errors else None)
+        self._scalar("error/heading_frame/lateral", errors.lateral_m if errors else None)
+        self._scalar("filter/ess", step.belief.ess)
+        self._scalar("filter/log_evidence", step.belief.log_evidence)
+        if step.belief.state != self._state:
+            self._state = step.belief.state
+            self._rec.log("filter/state", rr.StateChange(state=self._state))
+        for place, (stage, seconds) in enumerate(step.timing_s.items()):
+            entity = f"timing/{rr.escape_entity_path_part(stage)}"
+            self._name_once(entity, timing_style(stage, place))
+            self._scalar(entity, seconds * 1e3)
+        for level, text in step.notes:
+            self._rec.log("log", rr.TextLog(text, level=LEVELS.get(level.upper(), level.upper())))
+
+    def _name_once(self, entity: str, style: rr.AsComponents) -> None:
+        """Name and colour of a line that is known only when its first value comes."""
+        if entity not in self._named:
+            self._named.add(entity)
+            self._rec.log(entity, style, static=True)
+
+    def _scalar(self, entity: str, value: float | None) -> None:
+        """A number; a gap in its line where there is none."""
+        if value is None or not np.isfinite(value):
+            self._rec.log(entity, rr.Clear(recursive=False))
+        else:
+            self._rec.log(entity, rr.Scalars(value))
+
+
+def _direction(belief: Belief) -> Array | None:
+    """Unit vector (2,) along the estimated velocity; None at rest, where it says nothing."""
+    velocity = belief.mean[2:4]
+    speed = float(np.hypot(*velocity)) if len(velocity) == 2 else 0.0
+    return velocity / speed if speed > SLOWEST_MPS else None
+
+
+def _extent(road_map: RoadMap | None) -> Extent | None:
+    if road_map is None or not (len(road_map.centre_line_m) or road_map.landmarks):
+        return None
+    points = np.vstack([road_map.centre_line_m.reshape(-1, 2), road_map.positions_m])
+    low, high = points.min(axis=0), points.max(axis=0)
+    (east, north), (width, height) = (low + high) / 2, high - low
+    return Extent((float(east), float(north)), float(max(height, width / MAP_ASPECT)) / 2 + 10.0)

@@ -1,0 +1,49 @@
+"""The camera's part of a recording: the image as the log holds it, masks, outlines and labels over it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import rerun as rr
+
+from scpf.replay import overlays
+from scpf.replay.step import Step
+
+LOWEST_LABEL: Final = 0.93
+"""Of the image's height: the label of a pole that is cut off below would lie outside."""
+
+
+def log_camera(
+    rec: rr.RecordingStream, step: Step, classes: overlays.LandmarkClasses, height_px: int | None
+) -> None:
+    """Image, masks, outlines and labels; what a frame does not have is cleared, or the last one stays on screen."""
+    encoded = bytes(step.frame.encoded)  # bytes are taken as they are, an array would be converted
+    kind = overlays.media_type(step.frame.image_format, encoded)
+    image = (
+        rr.EncodedImage.from_fields(blob=encoded, media_type=kind) if encoded else rr.EncodedImage.cleared()
+    )
+    rec.log("camera/image", image)
+    instances = [*(observation.instance for observation in step.observations), *step.unmeasured]
+    matched = [*(match.landmark_id for match in step.matches), *("" for _ in step.unmeasured)]
+    numbers = [classes.class_of(landmark_id) for landmark_id in matched]
+    masks = overlays.mask_picture(instances, numbers)
+    if masks is None:
+        rec.log("camera/masks", rr.EncodedImage.cleared())
+    else:
+        png, (x, y) = masks
+        rec.log("camera/masks", rr.EncodedImage.from_fields(blob=png), rr.Transform3D(translation=(x, y, 0)))
+    strips = [overlays.outlines(instance.mask, instance.offset_px) for instance in instances]
+    ids = [number for number, parts in zip(numbers, strips, strict=True) for _ in parts]
+    joined = [part for parts in strips for part in parts]
+    rec.log("camera/outlines", rr.LineStrips2D.from_fields(strips=joined, class_ids=ids))
+    boxes = np.array([instance.box_px for instance in instances], dtype=np.float32).reshape(-1, 4)
+    lowest = LOWEST_LABEL * height_px if height_px else np.inf
+    feet = np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, np.minimum(boxes[:, 3], lowest)])
+    texts, shown = overlays.labels(step), overlays.worth_reading(step)
+    for entity, wanted in (("camera/labels", True), ("camera/labels_on_hover", False)):
+        chosen = [k for k in range(len(texts)) if shown[k] is wanted]
+        points = rr.Points2D.from_fields(
+            positions=feet[chosen], labels=[texts[k] for k in chosen], class_ids=[numbers[k] for k in chosen]
+        )
+        rec.log(entity, points)
