@@ -48,7 +48,10 @@ class Trajectory:
 
         right = int(np.searchsorted(self.stamps_ns, stamp_ns))
         if right < len(self) and self.stamps_ns[right] == stamp_ns:
-            return _matrices(self.positions_m[right : right + 1], self.quaternions_xyzw[right : right + 1])[0]
+            exact: Array = _matrices(
+                self.positions_m[right : right + 1], self.quaternions_xyzw[right : right + 1]
+            )[0]
+            return exact
         if right == 0 or right == len(self):
             return None
         left = right - 1

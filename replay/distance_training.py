@@ -1,0 +1,222 @@
+"""Training of the distance model: samples out of drive logs, and models that do not know a frame's poles."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.ingest.drive_log import DriveLog
+from scpf.models.camera import Camera
+from scpf.models.cross_fitted import CrossFittedDistance
+from scpf.models.distance import DistanceModel, Predictions, TrainedOn, fit
+from scpf.models.distance_settings import DistanceSettings
+from scpf.models.errors import InputError, MissingError
+from scpf.models.features import Features, measure
+from scpf.models.gaussian_process import MIN_SAMPLES
+from scpf.models.instances import Instance
+from scpf.models.labelling import label
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+RECORDED: Final = "recorded"
+TOO_SMALL: Final = "too small to measure"
+NO_POSE: Final = "no reference pose at the frame"
+MARGIN_NS: Final = 3_000_000_000
+"""A pole labelled this near to a stretch counts as seen in it: a frame's own label may have been dropped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """N labelled instances.
+
+    ``features`` (N); ``distances_m`` (N,), ``landmark_ids`` (N,), ``stamps_ns`` (N,). ``dropped`` counts
+    instances by the reason they were left out for; ``frames`` were read, ``unreadable`` of them could not
+    be decoded.
+    """
+
+    features: Features
+    distances_m: Array
+    landmark_ids: NDArray[np.str_]
+    stamps_ns: Stamps
+    camera: Camera
+    frames: int
+    unreadable: int
+    dropped: Mapping[str, int]
+
+    def __len__(self) -> int:
+        return len(self.distances_m)
+
+    def rows(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Samples:
+        """The samples that ``which`` (indices or flags) selects."""
+        return replace(
+            self,
+            features=self.features.rows(which),
+            distances_m=self.distances_m[which],
+            landmark_ids=self.landmark_ids[which],
+            stamps_ns=self.stamps_ns[which],
+        )
+
+
+def gather(
+    paths: Sequence[Path],
+    segmenter: str = "polenet",
+    every: int = 1,
+    max_distance_m: float = 60.0,
+    on_frame: Callable[[int, int], None] | None = None,
+) -> Samples:
+    """Samples from every ``every``-th frame of the logs, labelled by their maps and reference trajectories.
+
+    ``segmenter``: a name or a file, as ``segmentation.load`` takes it, or "recorded" for the log's own
+    masks. ``on_frame(frames, samples)`` is called after each frame. Raises MissingError where a log lacks
+    calibration, trajectory or map, InputError where two logs come from different cameras or nothing could
+    be labelled.
+    """
+    camera: Camera | None = None
+    tables: list[Features] = []
+    rows: list[tuple[float, str, int]] = []
+    dropped: Counter[str] = Counter()
+    frames = unreadable = 0
+    for path in paths:
+        with DriveLog(path) as log:
+            its_camera, trajectory, road_map = log.camera(), log.trajectory(), log.road_map()
+            if its_camera is None or trajectory is None or road_map is None:
+                parts = (("calibration", its_camera), ("reference trajectory", trajectory), ("map", road_map))
+                lacking = ", ".join(name for name, part in parts if part is None)
+                raise MissingError(f"{path}: no {lacking} in the log", "training needs all three")
+            camera = camera or its_camera
+            _check_same(camera, its_camera, path)
+            for stamp_ns, instances in _segmented(log, segmenter, every):
+                frames += 1
+                pose = trajectory.at(stamp_ns)
+                if instances is None:
+                    unreadable += 1
+                elif pose is None:
+                    dropped[NO_POSE] += len(instances)
+                elif instances:
+                    labels = label(instances, camera, pose, road_map, max_distance_m)
+                    measured = measure(instances, camera.width_px, camera.height_px)
+                    dropped.update(each.reason for each in labels if each.distance_m is None)
+                    known = np.array([each.distance_m is not None for each in labels])
+                    dropped[TOO_SMALL] += int((known & measured.too_small).sum())
+                    kept = np.flatnonzero(known & ~measured.too_small)
+                    tables.append(measured.rows(kept))
+                    chosen = [labels[k] for k in kept]
+                    rows += [(each.distance_m or 0.0, each.landmark_id, stamp_ns) for each in chosen]
+                if on_frame is not None:
+                    on_frame(frames, len(rows))
+    if camera is None or not rows:
+        reasons = "; ".join(f"{count} × {reason}" for reason, count in dropped.items() if count)
+        hint = reasons or "the segmenter found nothing"
+        raise InputError(f"no labelled instance in {frames} frames, {unreadable} of them unreadable", hint)
+    distances, ids, stamps = zip(*rows, strict=True)
+    features = Features(
+        tables[0].names,
+        np.concatenate([table.values for table in tables]),
+        np.concatenate([table.cut for table in tables]),
+        np.concatenate([table.too_small for table in tables]),
+    )
+    return Samples(
+        features,
+        np.array(distances),
+        np.array(ids),
+        np.array(stamps, dtype=np.int64),
+        camera,
+        frames,
+        unreadable,
+        {reason: count for reason, count in dropped.most_common() if count},
+    )
+
+
+def _segmented(log: DriveLog, segmenter: str, every: int) -> Iterator[tuple[int, Sequence[Instance] | None]]:
+    """Stamp and instances of each chosen frame; None for an image that cannot be decoded."""
+    if segmenter == RECORDED:
+        found = log.instances()
+        for stamp_ns in sorted(found)[::every]:
+            yield stamp_ns, found[stamp_ns]
+        return
+    from scpf.models.segmentation import load
+    from scpf.replay.frames import decode
+
+    segment = load(segmenter)
+    for index, picture in enumerate(log.images()):
+        if index % every:
+            continue
+        try:
+            image = decode(picture.data, f"{log.path}: frame {index}")
+        except InputError:
+            yield picture.stamp_ns, None
+            continue
+        yield picture.stamp_ns, segment(image)
+
+
+def _check_same(camera: Camera, other: Camera, path: Path) -> None:
+    same_size = (camera.width_px, camera.height_px) == (other.width_px, other.height_px)
+    if not (same_size and np.allclose(camera.matrix, other.matrix, rtol=0.01, atol=1.0)):
+        raise InputError(
+            f"{path}: another camera than that of the first log", "train one model for each camera"
+        )
+
+
+def train(
+    samples: Samples, settings: DistanceSettings, seed: int, notes: Mapping[str, str] | None = None
+) -> DistanceModel:
+    """The model of all samples; ``notes`` say where they come from."""
+    camera = samples.camera
+    about = TrainedOn("light_pole", camera.width_px, camera.height_px, camera.matrix, dict(notes or {}))
+    return fit(samples.features, samples.distances_m, settings, seed, about)
+
+
+def cross_fit(
+    samples: Samples, model: DistanceModel, settings: DistanceSettings, seed: int, stretches: int = 8
+) -> tuple[CrossFittedDistance, Predictions]:
+    """Models for an honest replay of the training drive itself, and their prediction of every sample.
+
+    The drive is cut into stretches of time with the same number of samples. The model of a stretch is
+    trained on the samples, of the whole drive, of all poles but those that are labelled in it or within 3 s
+    of it: every sample is predicted by a model that never saw its pole. Gate and hyperparameters are fitted
+    anew, beginning at those of ``model``. Raises InputError where a stretch leaves too few samples.
+    """
+    order = np.sort(samples.stamps_ns)
+    starts = np.unique(order[np.linspace(0, len(order), stretches, endpoint=False).astype(int)])
+    ends = np.append(starts[1:], order[-1] + 1)
+    folds: list[DistanceModel] = []
+    held_out: list[frozenset[str]] = []
+    for number, (start, end) in enumerate(zip(starts, ends, strict=True), 1):
+        near = (samples.stamps_ns >= start - MARGIN_NS) & (samples.stamps_ns < end + MARGIN_NS)
+        poles = np.unique(samples.landmark_ids[near])
+        kept = np.flatnonzero(~np.isin(samples.landmark_ids, poles))
+        if len(kept) < 2 * MIN_SAMPLES:
+            raise InputError(
+                f"stretch {number} of {len(starts)} sees {len(poles)} poles; without them {len(kept)} samples "
+                f"of {len(samples)} are left to train on",
+                "cut the drive into more stretches, or take a longer drive",
+            )
+        notes = {**model.trained_on.notes, "stretch": f"{number} of {len(starts)}"}
+        about = replace(model.trained_on, notes=notes)
+        part = samples.rows(kept)
+        folds.append(fit(part.features, part.distances_m, settings, seed, about, start=model))
+        held_out.append(frozenset(str(pole) for pole in poles))
+    fitted = CrossFittedDistance(tuple(folds), starts, tuple(held_out))
+    return fitted, _predict(fitted, samples)
+
+
+def _predict(fitted: CrossFittedDistance, samples: Samples) -> Predictions:
+    """Each sample's prediction by the model of its frame."""
+    n = len(samples)
+    mean, variance, function = np.full((3, n), np.nan)
+    expert, in_range = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.bool_)
+    at = np.array([fitted.fold_at(int(stamp)) for stamp in samples.stamps_ns])
+    for k, fold in enumerate(fitted.folds):
+        mine = np.flatnonzero(at == k)
+        found = fold.predict_features(samples.features.rows(mine))
+        mean[mine], variance[mine] = found.mean_m, found.variance_m2
+        function[mine], expert[mine] = found.function_variance_m2, found.expert
+        in_range[mine] = found.in_range
+    return Predictions(mean, variance, function, expert, in_range)

@@ -1,0 +1,188 @@
+"""The engine: a drive log through the pipeline, every step into the recording and the results."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from scpf.ingest.drive_log import DriveLog
+from scpf.ingest.topics import IMAGE_TOPIC
+from scpf.models.camera import Camera
+from scpf.models.cross_fitted import CrossFittedDistance
+from scpf.models.distance import DistanceModel
+from scpf.models.errors import InputError, MissingError
+from scpf.models.road_map import to_geojson
+from scpf.replay.frames import Window, first_state, read_frames
+from scpf.replay.pipeline import Pipeline
+from scpf.replay.recording import Recording
+from scpf.replay.results import Results
+from scpf.replay.segmenters import RECORDED, build, reads_pixels
+from scpf.replay.settings import Settings
+from scpf.replay.step import Step
+
+REPORTED_PACKAGES = ("scpf", "numpy", "scipy", "opencv-python-headless", "torch", "rerun-sdk", "mcap")
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files that a replay leaves: ``NAME.rrd``, ``NAME.results.mcap`` and ``NAME.json``."""
+
+    recording: Path
+    results: Path
+    summary: Path
+
+    @staticmethod
+    def of(directory: Path, name: str) -> Outputs:
+        """The three paths for ``name`` in ``directory``."""
+        return Outputs(
+            directory / f"{name}.rrd", directory / f"{name}.results.mcap", directory / f"{name}.json"
+        )
+
+    def refuse_existing(self) -> None:
+        """Raise InputError where one of the files is there already."""
+        for path in (self.recording, self.results, self.summary):
+            if path.exists():
+                raise InputError(f"{path} exists", "use --overwrite, or another --output or --name")
+
+
+def replay(
+    log_path: Path,
+    outputs: Outputs,
+    settings: Settings,
+    window: Window,
+    on_step: Callable[[Step, int, int], None],
+    *,
+    record_timing: bool = False,
+) -> dict[str, Any]:
+    """Replay one drive log; returns the summary that ``outputs.summary`` holds.
+
+    ``on_step(step, done, total)`` is called after every frame; ``total`` counts the log's images. The recording
+    is a function of log, settings and version alone, unless ``record_timing`` adds what each stage took.
+    """
+    # Matrices of a step are small: a second BLAS thread costs ten times what it saves.
+    with threadpool_limits(1, "blas"), DriveLog(log_path) as log, ExitStack() as files:
+        warnings: list[str] = []
+        camera, road_map = log.camera(), log.road_map()
+        model = None if camera is None else _distance_model(settings.distance_model, camera)
+        warnings += [
+            f"the log has no {what}: {consequence}"
+            for missing, what, consequence in (
+                (camera is None, "calibration", "no distances, no landmark constraints"),
+                (road_map is None, "map", "no road and no landmark constraints"),
+                (log.trajectory() is None, "reference trajectory", "no errors"),
+            )
+            if missing
+        ]
+        configuration = {
+            "settings": settings.as_dict(),
+            "window": {
+                "start_s": window.start_s,
+                "stop_s": None if window.stop_s == float("inf") else window.stop_s,
+            },
+            "log": log_path.name,
+            "log_sha256": _digest(log_path),
+            "versions": {package: version(package) for package in REPORTED_PACKAGES},
+            "distance_model": dict(model.metadata) if model is not None else {},
+        }
+        pipeline = Pipeline(
+            settings, build(settings.segmenter, settings.score_threshold), model, camera, road_map
+        )
+        recorded = settings.segmenter == RECORDED
+        frames = read_frames(
+            log,
+            settings.gps,
+            settings.seed,
+            window,
+            recorded=recorded,
+            pixels=reads_pixels(settings.segmenter),
+        )
+        recording = files.enter_context(
+            Recording(
+                outputs.recording,
+                name=outputs.recording.stem,
+                camera=camera,
+                road_map=road_map,
+                about_markdown=about(log_path.name, configuration),
+                settings={"configuration": json.dumps(configuration)},
+            )
+        )
+        results = files.enter_context(
+            Results(outputs.results, configuration, to_geojson(road_map) if road_map is not None else None)
+        )
+        total = log.channels[IMAGE_TOPIC].count if IMAGE_TOPIC in log.channels else 0
+        done = 0
+        for frame in frames:
+            if not done:
+                pipeline.start(first_state(log, frame, log.trajectory()))
+            step = pipeline.step(frame)
+            if not done and warnings:
+                step = replace(step, notes=(*step.notes, *(("WARN", text) for text in warnings)))
+            recording.log(step if record_timing else replace(step, timing_s={}))
+            results.log(step)
+            done += 1
+            on_step(step, done, total)
+        if not done:
+            raise InputError(f"{log_path}: no image between {window.start_s} s and {window.stop_s} s")
+        summary = results.summary()
+    summary["warnings"] = warnings
+    partial = outputs.summary.with_name(outputs.summary.name + ".partial")
+    partial.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
+    partial.replace(outputs.summary)
+    return summary
+
+
+def _distance_model(name: str, camera: Camera) -> DistanceModel | CrossFittedDistance:
+    """The distance model by name (``default``: the one that ships) or file; it has to fit the camera's images."""
+    from scpf.models import distance_file
+
+    shipped = Path(distance_file.__file__).with_name("distance.npz")
+    path = shipped if name == "default" else Path(name)
+    if path == shipped and not shipped.exists():
+        raise MissingError("this installation ships no distance model", "give one with --distance-model")
+    model = distance_file.load(path)
+    model.check_camera(camera)
+    return model
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file, in pieces of a megabyte."""
+    digest = sha256()
+    with path.open("rb") as file:
+        while piece := file.read(1 << 20):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def about(log_name: str, configuration: dict[str, Any]) -> str:
+    """The recording's About page: what ran, and how to read each view."""
+    settings = configuration["settings"]
+    return f"""# {log_name}
+
+Preset `{settings["preset"]}`, segmenter `{settings["segmenter"]}`, seed {settings["seed"]},
+{settings["filter"]["particles"]} particles, GPS `{settings["gps"]["source"]}`, σ = {settings["gps"]["sigma_m"]} m.
+
+## How to read the views
+- **Camera**: masks and outlines take the colour of the landmark that they were matched to; grey ones were left out, and
+  the label says why. The label gives the predicted distance ± one standard deviation.
+- **Distances**: the prediction with its ±1 σ band, and the true distance from the reference beside it.
+- **World**: road edges, poles with the circle of the predicted distance, particles by weight (bright = heavy), estimate
+  with its 2 σ ellipse, reference, GPS fixes, and the plain particle filter beside it. The **surface** under them is the
+  paper's constraint surface Σ max(C, 0) above its minimum, cut at 15 m (dark = every constraint kept); hover to read a
+  cell. The other tabs hold the joint log-probability and the whole map.
+- **Errors**: distance from the reference: total, along and across the road; the plain particle filter for comparison.
+- **Filter**: effective sample size and log-evidence. The state lane reads *tracking* (a landmark constrains),
+  *unconstrained* (none in sight) or *lost* (no particle is near what was observed).
+
+## Configuration
+```json
+{json.dumps(configuration, indent=1)}
+```
+"""

@@ -1,0 +1,101 @@
+"""What ``scpf ingest``, ``convert`` and ``info`` print: reports on stdout, a counter on stderr."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scpf.ingest.assemble import AssemblyReport
+    from scpf.ingest.bags import ConversionReport
+    from scpf.ingest.inspect import LogInfo
+
+MAX_SHOWN = 200
+"""Characters shown of a name that comes out of a file."""
+
+
+def plain(text: str) -> str:
+    """Text out of a file, safe to print: no control characters that a terminal would obey, and not endless."""
+    shown = "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in text[:MAX_SHOWN])
+    return shown + ("…" if len(text) > MAX_SHOWN else "")
+
+
+class Counter:
+    """A counter on stderr, ten times a second at most, and only on a terminal."""
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._shown = sys.stderr.isatty()
+        self._last_s = 0.0
+
+    def __call__(self, done: int, total: int) -> None:
+        import time
+
+        now_s = time.monotonic()
+        if self._shown and (done >= total or now_s - self._last_s > 0.1):
+            self._last_s = now_s
+            end = "\n" if done >= total else ""
+            print(f"\r{done} of {total} {self._what}", end=end, file=sys.stderr, flush=True)
+
+
+def print_assembly(report: AssemblyReport) -> None:
+    """The report of a new drive log."""
+    rate = f"{1 / report.median_interval_s:.2f} Hz" if report.median_interval_s else "one image"
+    print(f"{report.path}: {report.frames} images in {report.duration_s:.3f} s ({rate})")
+    print(f"  reference   {report.poses} poses, {report.overlap_s:.3f} s together with the images")
+    if report.poses_left_out:
+        print(f"              {report.poses_left_out} poses before or after the images left out")
+    if report.frames_without_pose:
+        print(f"              {report.frames_without_pose} images without a reference pose")
+    print(f"  map         {report.landmarks} landmarks")
+    for at_s, length_s in report.gaps[:10]:
+        print(f"  gap         {length_s:.3f} s after {at_s:.3f} s")
+    if len(report.gaps) > 10:
+        print(f"  gap         {len(report.gaps) - 10} more")
+    for reason, count in report.dropped.items():
+        print(f"  dropped     {count} × {reason}")
+
+
+def print_conversion(report: ConversionReport) -> None:
+    """The report of a conversion, topic by topic."""
+    print(f"{report.path}: {report.messages} messages")
+    width = max((len(plain(topic)) for topic in report.topics), default=0)
+    for topic in report.topics.values():
+        print(
+            f"  {plain(topic.topic):{width}}  {topic.written:8d} of {topic.counted:<8d}  {plain(topic.type)}"
+        )
+        if topic.problem:
+            print(f"  {'':{width}}  lost: {plain(topic.problem)}")
+    if report.left_out:
+        print(f"  left out as asked: {plain(', '.join(report.left_out))}")
+    for note in report.notes:
+        print(f"  note: {plain(note)}")
+
+
+def print_info(info: LogInfo) -> None:
+    """What a log holds."""
+    from datetime import UTC, datetime
+
+    start = datetime.fromtimestamp(info.start_ns * 1e-9, UTC).isoformat(sep=" ", timespec="milliseconds")
+    print(f"{info.path}: {info.size_bytes / 1e6:.1f} MB, {info.messages} messages in {info.duration_s:.3f} s")
+    print(f"  start       {start}")
+    print(f"  written by  {plain(info.library) or 'unknown'}, profile {plain(info.profile) or 'none'}")
+    if info.camera:
+        print(f"  camera      {info.camera}")
+    if info.landmarks is not None:
+        print(
+            f"  map         {info.landmarks} landmarks, {'georeferenced' if info.origin else 'not georeferenced'}"
+        )
+    for name, size in info.attachments.items():
+        print(f"  attachment  {plain(name)}, {size} bytes")
+    for name, values in info.metadata.items():
+        print(f"  metadata    {plain(name)}: {plain(', '.join(values))}")
+    width = max((len(plain(topic.topic)) for topic in info.topics), default=5)
+    print(f"\n  {'topic':{width}}  {'count':>8}  {'rate':>10}  {'largest gap':>11}  type")
+    for topic in info.topics:
+        rate = f"{topic.rate_hz:.2f} Hz" if topic.rate_hz else "–"
+        gap = f"{topic.largest_gap_s:.3f} s" if topic.rate_hz else "–"
+        kind = plain(topic.type or topic.encoding)
+        print(f"  {plain(topic.topic):{width}}  {topic.count:8d}  {rate:>10}  {gap:>11}  {kind}")
+    for finding in info.findings:
+        print(f"  damaged: {plain(finding)}")

@@ -1,0 +1,180 @@
+"""``scpf train distance``: from drive logs to a distance model and a table of its errors."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+
+def train_distance(
+    logs: list[Path],
+    *,
+    output: Annotated[Path, Parameter(alias="-o")],
+    cross_fitted: Path | None = None,
+    stretches: int = 8,
+    segmenter: str = "polenet",
+    preset: Literal["paper", "thickness"] = "paper",
+    every: int = 1,
+    max_distance_m: float = 60.0,
+    seed: int = 0,
+    repetitions: int = 100,
+    overwrite: bool = False,
+    report: Path | None = None,
+    quiet: Annotated[bool, Parameter(alias="-q")] = False,
+    format: Literal["text", "json"] = "text",
+) -> int:
+    """Fit the distance experts to drive logs with calibration, reference trajectory and map.
+
+    Every instance that the segmenter finds is matched to a mapped pole by the reference pose; its box and the
+    thickness of its mask, with the distance to that pole, are a sample. Prints errors of held-out samples.
+
+    Examples:
+
+        scpf train distance drive.mcap -o distance.npz
+
+        scpf train distance mon.mcap tue.mcap -o distance.npz --segmenter recorded --report errors.json
+
+    Parameters
+    ----------
+    logs
+        Drive logs of one camera.
+    output
+        The model file to write (.npz).
+    cross_fitted
+        Also write models for a replay of these very logs: each frame's model has seen none of its poles.
+    stretches
+        How many of those models there are.
+    segmenter
+        `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
+    preset
+        Features of the experts: `paper`, or `thickness` (the far expert sees the thickness, too).
+    every
+        Take every n-th frame.
+    max_distance_m
+        Poles further away are not learnt.
+    seed
+        Seed of gate, hyperparameter search and hold-outs.
+    repetitions
+        Repetitions of each hold-out.
+    overwrite
+        Replace files of that name.
+    report
+        Also write all figures to this JSON file.
+    quiet
+        No progress on stderr.
+    format
+        How to print the figures on stdout.
+    """
+    import json
+
+    from scpf.models.distance_settings import PRESETS
+    from scpf.models.errors import UsageError
+    from scpf.replay.distance_evaluation import bands, evaluate, per_expert, residuals
+    from scpf.replay.distance_training import cross_fit, gather, train
+
+    if every < 1 or stretches < 2 or repetitions < 1 or max_distance_m <= 0:
+        raise UsageError("--every, --repetitions and --max-distance-m are at least 1, --stretches at least 2")
+    for path in (output, cross_fitted, report):
+        if path is not None and path.exists() and not overwrite:
+            raise UsageError(f"{path} exists", "choose another name, or give --overwrite")
+
+    say = _progress(quiet)
+    settings = PRESETS[preset]
+    samples = gather(
+        logs, segmenter, every, max_distance_m, lambda frames, n: say(f"{frames} frames, {n} samples")
+    )
+    say(f"fitting {len(samples)} samples")
+    notes = {
+        "logs": ", ".join(log.name for log in logs),
+        "segmenter": Path(segmenter).name,
+        "every": str(every),
+        "max_distance_m": f"{max_distance_m:g}",
+        "preset": preset,
+        "seed": str(seed),
+        "samples": str(len(samples)),
+        "poles": str(len(set(samples.landmark_ids.tolist()))),
+    }
+    model = train(samples, settings, seed, notes)
+    model.save(output)
+    say("evaluating")
+    figures: dict[str, Any] = {
+        "samples": len(samples),
+        "poles": int(notes["poles"]),
+        "frames": samples.frames,
+        "unreadable_frames": samples.unreadable,
+        "dropped": dict(samples.dropped),
+        "model": model.metadata,
+        **evaluate(samples, model, settings, seed, repetitions),
+    }
+    if cross_fitted is not None:
+        say("cross-fitting")
+        fitted, found = cross_fit(samples, model, settings, seed, stretches)
+        fitted.save(cross_fitted)
+        pooled = residuals(samples, found)
+        figures["cross_fitted"] = per_expert(model.names, pooled)
+        figures["cross_fitted_bands"] = bands(pooled)
+    say("")
+    text = json.dumps(figures, indent=1, allow_nan=False)
+    if report is not None:
+        partial = report.with_name(report.name + ".partial")
+        partial.write_text(text + "\n")
+        partial.replace(report)
+    written = [path for path in (output, cross_fitted, report) if path is not None]
+    print(text if format == "json" else table(figures, written))
+    if samples.unreadable:
+        print(f"scpf: {samples.unreadable} of {samples.frames} frames could not be decoded", file=sys.stderr)
+    return 3 if samples.unreadable else 0
+
+
+def table(figures: Mapping[str, Any], written: list[Path]) -> str:
+    """The figures for the terminal, the written files on its last lines."""
+    lines = [f"{figures['samples']} samples of {figures['poles']} poles in {figures['frames']} frames"]
+    lines += [f"  left out: {count} {reason}" for reason, count in figures["dropped"].items()]
+    heads = (
+        ("n", 7),
+        ("train", 8),
+        ("MAE m", 8),
+        ("bias", 8),
+        ("RMSE", 8),
+        ("95 %", 7),
+        ("(f)", 7),
+        ("NLL", 8),
+    )
+    lines.append(" " * 34 + "".join(f"{head:>{width}}" for head, width in heads))
+    blocks = (
+        ("random", "held out at random"),
+        ("by_pole", "held out by pole"),
+        ("by_pole_searched", "… hyperparameters anew"),
+    )
+    for key, title in blocks:
+        for name, row in figures.get(key, {}).get("validation", {}).items():
+            lines.append(_row(f"{title}, {name}", row, figures[key]["train"].get(name)))
+    for key, title in (("by_pole_bands", "by pole"), ("cross_fitted", "cross-fitted")):
+        lines += [_row(f"{title}, {name}", row) for name, row in figures.get(key, {}).items()]
+    return "\n".join([*lines, *(f"{path}" for path in written)])
+
+
+def _row(title: str, row: Mapping[str, Any] | None, train: Mapping[str, Any] | None = None) -> str:
+    if row is None:
+        return f"{title:<34}{0:>7}"
+    trained = f"{train['mae_m']:8.2f}" if train else f"{'':8}"
+    return (
+        f"{title:<34}{row['n']:7d}{trained}{row['mae_m']:8.2f}{row['bias_m']:8.2f}{row['rmse_m']:8.2f}"
+        f"{row['coverage']:7.2f}{row['function_coverage']:7.2f}{row['nll']:8.2f}"
+    )
+
+
+def _progress(quiet: bool) -> Callable[[str], None]:
+    """A line on stderr that each call replaces; silent where stderr is no terminal."""
+    shown = not quiet and sys.stderr.isatty()
+
+    def say(text: str) -> None:
+        if shown:
+            sys.stderr.write(f"\r\x1b[K{text}")
+            sys.stderr.flush()
+
+    return say
