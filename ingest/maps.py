@@ -1,11 +1,9 @@
-"""Map files: GeoJSON read and written, and maps made of a list of points and a trajectory."""
+"""Map files: GeoJSON read and written, lists of points read, and lines in metres."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Collection, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +12,6 @@ from numpy.typing import NDArray
 
 from scpf.models.errors import InputError
 from scpf.models.road_map import Landmark, RoadMap, from_geojson, to_geojson
-from scpf.models.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -87,50 +84,6 @@ def read_points(path: Path, key: str | None = None) -> list[Landmark]:
     return landmarks
 
 
-def points_map(
-    points: Sequence[Landmark],
-    *,
-    rotate_deg: float = 0.0,
-    offset_m: tuple[float, float] = (0.0, 0.0),
-    trajectory: Trajectory | None = None,
-    road_offset_m: float = 0.0,
-    half_width_m: float = 4.0,
-    within_m: float | None = None,
-    select: Collection[str] = (),
-    exclude: Collection[str] = (),
-    attribution: str = "",
-) -> RoadMap:
-    """A road map of points and, where a ``trajectory`` is given, a centre line along it.
-
-    The points are turned by ``rotate_deg`` about the origin, counter-clockwise, then moved by ``offset_m``
-    (x, y). The centre line lies ``road_offset_m`` to the left of the trajectory. ``within_m`` keeps the points
-    that near to the trajectory; ``select`` (all, where empty) and ``exclude`` name ids. Raises InputError for
-    an id that no point has, and where no point is left.
-    """
-    unknown = (set(select) | set(exclude)) - {mark.id for mark in points}
-    if unknown:
-        raise InputError(
-            f"no point has the id {min(unknown)!r}", "ids of an .npz are its row numbers, from 0"
-        )
-    angle = np.deg2rad(rotate_deg)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    kept = []
-    for mark in points:
-        if (select and mark.id not in select) or mark.id in exclude:
-            continue
-        x, y = turn @ np.array(mark.position_m[:2]) + np.array(offset_m)
-        kept.append(replace(mark, position_m=(float(x), float(y), mark.position_m[2])))
-    line = np.zeros((0, 2))
-    if trajectory is not None:
-        track = decimate(trajectory.positions_m[:, :2], LINE_STEP_M)
-        line = shift_left(track, road_offset_m)
-        if within_m is not None:
-            kept = [mark for mark in kept if _distance_m(track, np.array(mark.position_m[:2])) <= within_m]
-    if not kept:
-        raise InputError("no point is left for the map", "check --select, --exclude and --within-m")
-    return RoadMap(tuple(kept), line, half_width_m, None, attribution)
-
-
 def decimate(track_m: Array, step_m: float) -> Array:
     """The points (M, 2) of a track (N, 2) at least ``step_m`` from the one kept before; the last one stays."""
     kept = [track_m[0]]
@@ -153,11 +106,6 @@ def shift_left(line_m: Array, offset_m: float) -> Array:
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     moved: Array = line_m + offset_m * np.column_stack([-direction[:, 1], direction[:, 0]])
     return moved
-
-
-def _distance_m(track_m: Array, point_m: Array) -> float:
-    """Distance of a point (2,) from a track (M, 2), good to half its spacing."""
-    return float(np.hypot(*(track_m - point_m).T).min())
 
 
 def _array_points(path: Path, key: str | None) -> list[Landmark]:

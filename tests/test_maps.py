@@ -1,4 +1,4 @@
-"""Map files, and maps made of points."""
+"""Map files, lists of points, and lines."""
 
 from __future__ import annotations
 
@@ -8,23 +8,17 @@ import numpy as np
 import pytest
 
 from scpf.ingest.calibration import read_camera
-from scpf.ingest.maps import decimate, points_map, read_map, read_points, shift_left, write_map
+from scpf.ingest.maps import decimate, read_map, read_points, shift_left, write_map
 from scpf.ingest.trajectories import read_trajectory
 from scpf.models.errors import InputError
 from scpf.models.geodesy import Origin
 from scpf.models.road_map import Landmark, RoadMap
-from scpf.models.trajectory import Trajectory
 
 POINTS = [
     Landmark("a", (10.0, 0.0, 1.0)),
     Landmark("b", (0.0, 20.0, 0.0), "tree"),
     Landmark("c", (90.0, 2.0, 0.0)),
 ]
-
-
-def a_drive(length: int = 50) -> Trajectory:
-    positions = np.column_stack([np.arange(length, dtype=float), np.zeros(length), np.zeros(length)])
-    return Trajectory(np.arange(length) * 10**8, positions, np.tile([0.0, 0, 0, 1], (length, 1)))
 
 
 @pytest.mark.parametrize("origin", [None, Origin(43.47, -80.54, 330.0)])
@@ -41,35 +35,11 @@ def test_maps_round_trip(tmp_path: Path, origin: Origin | None) -> None:
         write_map(path, back)
 
 
-def test_points_turn_counter_clockwise_then_move() -> None:
-    road_map = points_map(POINTS, rotate_deg=90.0, offset_m=(1.0, 2.0))
-    np.testing.assert_allclose(road_map.positions_m, [[1, 12], [-19, 2], [-1, 92]], atol=1e-9)
-    assert road_map.landmarks[0].position_m[2] == 1.0
-    assert len(road_map.centre_line_m) == 0
-
-
-def test_the_centre_line_lies_beside_the_drive() -> None:
-    road_map = points_map(POINTS, trajectory=a_drive(), road_offset_m=1.75, within_m=15.0)
-    assert [mark.id for mark in road_map.landmarks] == ["a"]
-    np.testing.assert_allclose(road_map.centre_line_m[:, 1], 1.75)
-    np.testing.assert_allclose(np.diff(road_map.centre_line_m[:, 0])[:-1], 2.0)
-    assert road_map.centre_line_m[-1, 0] == 49.0
-
-
 def test_lines() -> None:
     assert len(decimate(np.zeros((5, 2)), 2.0)) == 1
     circle = 10 * np.column_stack([np.cos(np.linspace(0, 3, 100)), np.sin(np.linspace(0, 3, 100))])
     inside = shift_left(circle, 2.0)  # counter-clockwise: the centre is to the left
     np.testing.assert_allclose(np.hypot(*inside.T), 8.0, atol=0.05)
-
-
-def test_ids_choose() -> None:
-    assert [m.id for m in points_map(POINTS, select={"a", "c"}).landmarks] == ["a", "c"]
-    assert [m.id for m in points_map(POINTS, exclude={"a"}).landmarks] == ["b", "c"]
-    with pytest.raises(InputError, match="'z'"):
-        points_map(POINTS, select={"z"})
-    with pytest.raises(InputError, match="no point is left"):
-        points_map(POINTS, trajectory=a_drive(3), within_m=1.0)
 
 
 @pytest.mark.parametrize(
@@ -140,8 +110,11 @@ def test_the_poles_of_kitti_06_stand_where_the_pictures_show_them(shared_data: P
     camera = read_camera(data / "calib.txt", image_size_px=(1226, 370))
     stamps = (np.arange(51) * 10**8).astype(np.int64)
     trajectory = read_trajectory(data / "poses.txt", stamps_ns=stamps)
-    road_map = points_map(read_points(data / "poles.npz"), rotate_deg=1.0, offset_m=(-0.53, -0.23))
+    positions = np.array([mark.position_m[:2] for mark in read_points(data / "poles.npz")])
+    turn = np.radians(1.0)
+    positions = positions @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    positions += (-0.53, -0.23)
     for frame, pole, column_px in SEEN:
         T_camera_map = np.linalg.inv(trajectory.poses()[frame] @ camera.T_body_camera)
-        point = T_camera_map @ np.array([*road_map.positions_m[pole], 0.0, 1.0])
+        point = T_camera_map @ np.array([*positions[pole], 0.0, 1.0])
         assert camera.project(point[None, :3])[0, 0] == pytest.approx(column_px, abs=6.0), (frame, pole)
