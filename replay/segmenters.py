@@ -16,7 +16,7 @@ def reads_pixels(name: str) -> bool:
     return name != RECORDED
 
 
-def build(name: str, threshold: float) -> Segment:
+def build(name: str, threshold: float, bfloat16: bool = False) -> Segment:
     """``recorded``: the log's own masks; anything else: ``scpf.models.segmentation.load``'s name or file.
 
     Instances of a score below ``threshold`` are left out.
@@ -25,7 +25,7 @@ def build(name: str, threshold: float) -> Segment:
         return lambda frame: [instance for instance in frame.recorded if instance.score >= threshold]
     from scpf.models.segmentation import load
 
-    segmenter = load(name, threshold=threshold)
+    segmenter = load(name, threads=1, threshold=threshold, bfloat16=bfloat16)
 
     def segment(frame: Frame) -> Sequence[Instance]:
         return [] if frame.image is None else segmenter(frame.image)

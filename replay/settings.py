@@ -53,6 +53,7 @@ class Settings:
     preset: str = "paper"
     segmenter: str = "polenet"
     score_threshold: float = 0.9
+    bfloat16: bool = False
     distance_model: str = "default"
     seed: int = 0
     q_m2ps3: float = 11.0

@@ -1,0 +1,141 @@
+"""From PoleNet's maps to instances: centre peaks, pixels to their centres, calibrated scores.
+
+Panoptic-DeepLab's grouping (Cheng et al., CVPR 2020, section 3.3) with an elongated distance, since poles stand side
+by side rather than one above the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.models.instances import BoolMask
+
+Floats = NDArray[np.floating[Any]]
+
+CENTRE_CELL_PX = 8
+OFFSET_CELL_PX = 4
+OFFSET_SCALE_PX = (32.0, 64.0)  # x, y: unit of the offsets
+CENTRE_DEVIATION_PX = (8.0, 32.0)  # x, y: a pixel may miss its centre by so much and belong to it
+MOST_DEVIATIONS = 4.0
+PEAK_CELLS = (7, 3)  # rows, columns: of several peaks so close only the highest stays
+LEAST_CENTRE = 0.1  # a peak below is no candidate
+LEAST_PIXELS = 12
+MOST_CANDIDATES = 64
+LEAST_PART = 0.08  # smaller parts of an instance, as a share of its largest, are somebody else's pixels
+PROBABILITY_RANGE = (1e-4, 1 - 1e-4)
+
+
+def logit(probability: Floats | float) -> Floats:
+    """Log-odds, of probabilities kept away from 0 and 1."""
+    p = np.clip(np.asarray(probability, dtype=np.float64), *PROBABILITY_RANGE)
+    return np.asarray(np.log(p / (1 - p)))
+
+
+@dataclass(frozen=True)
+class ScoreCalibration:
+    """Logistic regression that turns the evidence of a candidate into the probability that it is a light pole.
+
+    Platt (1999) with three regressors: the raw centre score of a rare peak is far below the share of such
+    candidates that are right.
+    """
+
+    centre_logit: float
+    mask_logit: float
+    log_height: float
+    constant: float
+
+    def probability(self, centre: float, mask_mean: float, height_px: float) -> float:
+        """From the centre's peak, the mean mask probability of the pixels and the height in network pixels."""
+        evidence = self.centre_logit * logit(centre) + self.mask_logit * logit(mask_mean)
+        evidence = evidence + self.log_height * np.log(max(height_px, 1.0)) + self.constant
+        return float(1 / (1 + np.exp(-evidence)))
+
+
+class Candidate(NamedTuple):
+    """An instance in the pixels of the network's input, before its score.
+
+    ``corner_px``: x1, y1 of the crop. ``soft``: (h, w) mask probabilities, 0 where the pixel is another's.
+    """
+
+    corner_px: tuple[int, int]
+    soft: NDArray[np.float32]
+    mask: BoolMask
+    centre: float
+    mask_mean: float
+
+    @property
+    def height_px(self) -> int:
+        """From the first to the last row of the mask, in network pixels."""
+        rows = np.flatnonzero(self.mask.any(axis=1))
+        return int(rows[-1] - rows[0]) + 1
+
+
+def group(mask: Floats, centre: Floats, offsets: Floats, mask_threshold: float = 0.5) -> list[Candidate]:
+    """Candidates of probabilities ``mask`` (H, W), ``centre`` (H/8, W/8) and ``offsets`` (2, H/4, W/4).
+
+    Pixels above ``mask_threshold`` point at a centre by their offset and go to the nearest peak.
+    """
+    peaks = _peaks(centre)
+    y, x = np.nonzero(mask > mask_threshold)
+    if not len(peaks) or not len(y):
+        return []
+    peak_px = (peaks[:, ::-1] + 0.5) * CENTRE_CELL_PX
+    cell = y // OFFSET_CELL_PX, x // OFFSET_CELL_PX
+    aim_x = x + 0.5 + offsets[0][cell] * OFFSET_SCALE_PX[0]
+    aim_y = y + 0.5 + offsets[1][cell] * OFFSET_SCALE_PX[1]
+    nearest = np.full(len(y), np.float32(MOST_DEVIATIONS**2), np.float32)
+    owner = np.full(len(y), -1, np.int16)
+    for i, (px, py) in enumerate(
+        peak_px.astype(np.float32)
+    ):  # a loop over few peaks needs no (pixels, peaks) array
+        distance = ((aim_x - px) / CENTRE_DEVIATION_PX[0]) ** 2 + ((aim_y - py) / CENTRE_DEVIATION_PX[1]) ** 2
+        nearer = distance < nearest
+        nearest[nearer], owner[nearer] = distance[nearer], i
+    found = []
+    for i, (row, column) in enumerate(peaks):
+        own = owner == i
+        if np.count_nonzero(own) >= LEAST_PIXELS:
+            found.append(_candidate(mask, y[own], x[own], float(centre[row, column])))
+    return found
+
+
+def _peaks(centre: Floats) -> NDArray[np.int64]:
+    """Rows and columns (N, 2) of the local maxima, highest first."""
+    highest = cv2.dilate(centre.astype(np.float32), np.ones(PEAK_CELLS, np.uint8))
+    rows, columns = np.nonzero((centre >= highest) & (centre > LEAST_CENTRE))
+    order = np.argsort(-centre[rows, columns], kind="stable")[:MOST_CANDIDATES]
+    return np.stack([rows[order], columns[order]], axis=1)
+
+
+def _candidate(mask: Floats, y: NDArray[np.int64], x: NDArray[np.int64], centre: float) -> Candidate:
+    """The candidate of its pixels; its soft mask reaches two pixels beyond them, where the edge fades out."""
+    left, top = int(x.min()), int(y.min())
+    own = np.zeros((int(y.max()) + 1 - top, int(x.max()) + 1 - left), np.uint8)
+    own[y - top, x - left] = 1
+    y, x = np.nonzero(_without_scraps(own))
+    y, x = y + top, x + left
+    height, width = mask.shape
+    x1, y1 = max(int(x.min()) - 2, 0), max(int(y.min()) - 2, 0)
+    x2, y2 = min(int(x.max()) + 3, width), min(int(y.max()) + 3, height)
+    own = np.zeros((y2 - y1, x2 - x1), np.uint8)
+    own[y - y1, x - x1] = 1
+    around = cv2.dilate(own, np.ones((3, 5), np.uint8))
+    soft = (mask[y1:y2, x1:x2] * around).astype(np.float32)
+    # Neighbours' pixels lie above the threshold but are not our own: they must not come back when upsampled.
+    soft[(own == 0) & (soft > 0.5)] = 0
+    return Candidate((x1, y1), soft, own.astype(bool), centre, float(mask[y, x].mean()))
+
+
+def _without_scraps(own: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Pixels (h, w) without the small parts that lie apart; a pole behind a tree may well be of several large ones."""
+    bridged = cv2.dilate(own, np.ones((5, 5), np.uint8))  # thin arms break up
+    _, labels = cv2.connectedComponents(bridged)
+    sizes = np.bincount(labels.ravel(), weights=own.ravel())
+    kept = sizes >= LEAST_PART * sizes[1:].max()
+    kept[0] = False
+    return np.asarray(own * kept[labels], np.uint8)

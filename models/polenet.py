@@ -1,0 +1,223 @@
+"""PoleNet: a small bottom-up network that outlines light poles, and its weights file.
+
+An encoder to 1/32 of the input with row and column context at its end (poles are long: the rows of a pole must know
+of each other), a feature pyramid back to 1/4, and three heads:
+
+    mask     (B, 1, H, W)      logit that the pixel shows a light pole, at the full input size
+    centre   (B, 1, H/8, W/8)  logit that the centre of an instance lies in the cell
+    offsets  (B, 2, H/4, W/4)  from the cell to the centre of its instance, in units of `OFFSET_SCALE_PX`
+
+The centre head and the offsets are those of Panoptic-DeepLab (Cheng et al., CVPR 2020); the mask comes from a pixel
+shuffle of the 1/2 level. H and W are multiples of 32 (`segmentation.STRIDE_PX`).
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from scpf.models.errors import InputError, MissingError
+from scpf.models.grouping import ScoreCalibration
+
+FORMAT = "scpf-polenet"
+FORMAT_VERSION = 1
+
+CHANNELS = (16, 32, 48, 96, 128)  # after each halving of the resolution
+BLOCKS = (0, 1, 2, 2, 2)  # residual blocks there
+PYRAMID_CHANNELS = 32
+PIXEL_MEAN, PIXEL_DEVIATION = 0.45, 0.25  # of RGB values 0 to 1
+
+
+def _conv_norm_relu(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
+    )
+
+
+class _Residual(nn.Module):
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = _conv_norm_relu(channels, channels)
+        self.second = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels)
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.relu(x + self.second(self.first(x)))
+
+
+class _RowColumnContext(nn.Module):
+    """Adds to every cell what its whole row and its whole column hold on average."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.mix = nn.Conv2d(2 * channels, channels, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        column = x.mean(2, keepdim=True).expand_as(x)
+        row = x.mean(3, keepdim=True).expand_as(x)
+        return x + self.mix(torch.cat([column, row], 1))  # type: ignore[no-any-return]
+
+
+class PoleNet(nn.Module):
+    """The network; input (B, 3, H, W) as `to_input` makes it, outputs as the module says."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        stages: list[nn.Module] = []
+        channels = 3
+        for outputs, blocks in zip(CHANNELS, BLOCKS, strict=True):
+            residuals = [_Residual(outputs) for _ in range(blocks)]
+            stages.append(nn.Sequential(_conv_norm_relu(channels, outputs, stride=2), *residuals))
+            channels = outputs
+        stages[-1] = nn.Sequential(stages[-1], _RowColumnContext(channels))
+        self.stages = nn.ModuleList(stages)
+        width = PYRAMID_CHANNELS
+        self.lateral = nn.ModuleList([nn.Conv2d(c, width, 1) for c in CHANNELS[1:]])
+        self.smooth = nn.ModuleList([_conv_norm_relu(width, width) for _ in CHANNELS[1:-1]])
+        self.fine_low = nn.Conv2d(CHANNELS[0], 16, 1)
+        self.fine_up = nn.Conv2d(width, 16, 1)
+        self.fine = _conv_norm_relu(16, 16)
+        self.mask = nn.Conv2d(16, 4, 3, 1, 1)  # 4 = 2 × 2 pixels of the full resolution
+        self.centre = nn.Sequential(_conv_norm_relu(width, width), nn.Conv2d(width, 1, 1))
+        self.offsets = nn.Sequential(_conv_norm_relu(width, width), nn.Conv2d(width, 2, 1))
+        # Poles and centres are rare: starting from low odds keeps the first steps calm.
+        nn.init.constant_(self.mask.bias, -2.0)  # type: ignore[arg-type]
+        nn.init.constant_(self.centre[-1].bias, -4.0)  # type: ignore[arg-type]
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        levels = []
+        for stage in self.stages:
+            x = stage(x)
+            levels.append(x)
+        pyramid = self.lateral[3](levels[4])
+        eighth = pyramid
+        for k in (2, 1, 0):
+            pyramid = self.lateral[k](levels[k + 1]) + F.interpolate(pyramid, scale_factor=2.0)
+            pyramid = self.smooth[k](pyramid)
+            if k == 1:
+                eighth = pyramid
+        up = F.interpolate(self.fine_up(pyramid), scale_factor=2.0, mode="bilinear", align_corners=False)
+        fine = self.fine(F.relu(self.fine_low(levels[0]) + up))
+        return F.pixel_shuffle(self.mask(fine), 2), self.centre(eighth), self.offsets(pyramid)
+
+
+def to_input(images: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> Tensor:
+    """Network input (B, 3, H, W) of images (B, H, W, 3), uint8 RGB."""
+    x = torch.from_numpy(images).permute(0, 3, 1, 2).float()
+    x = x.div_(255).sub_(PIXEL_MEAN).div_(PIXEL_DEVIATION)
+    return x.contiguous(memory_format=torch.channels_last)
+
+
+def fold_batch_norm(net: PoleNet) -> PoleNet:
+    """A copy for inference in which every batch norm is part of the convolution before it."""
+    folded = copy.deepcopy(net).eval()
+    for block in list(folded.modules()):
+        if not isinstance(block, nn.Sequential):
+            continue
+        for i in range(len(block) - 1):
+            convolution, norm = block[i], block[i + 1]
+            if isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
+                block[i] = fuse_conv_bn_eval(convolution, norm)
+                block[i + 1] = nn.Identity()
+    return folded
+
+
+def has_fast_bfloat16() -> bool:
+    """Whether the CPU computes bfloat16 itself; emulated, it would be slower than single precision."""
+    supported = getattr(torch.cpu, "_is_avx512_bf16_supported", None)  # not in every torch
+    return bool(supported and supported())
+
+
+def channels_last(net: PoleNet) -> PoleNet:
+    """The same network with its weights laid out as CPUs compute convolutions fastest."""
+    net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs leave it out
+    return net
+
+
+def for_inference(net: PoleNet, *, bfloat16: bool = False) -> PoleNet:
+    """A folded copy, laid out for the CPU.
+
+    Single precision finds the same instances on every machine; bfloat16 halves the time on CPUs that compute it
+    themselves, and moves scores and outlines a little.
+    """
+    folded = channels_last(fold_batch_norm(net))
+    return folded.to(torch.bfloat16) if bfloat16 else folded
+
+
+@dataclass(frozen=True)
+class WeightsInfo:
+    """What a weights file says about itself."""
+
+    trained_on: str
+    calibration: ScoreCalibration
+    classes: tuple[str, ...] = ("light_pole",)
+    input: str = f"RGB, uint8 / 255, minus {PIXEL_MEAN}, divided by {PIXEL_DEVIATION}; sides padded to 32 px"
+    licence: str = "Apache-2.0"
+    figures: dict[str, float] = field(default_factory=dict)
+
+
+def save(path: Path, net: PoleNet, info: WeightsInfo) -> None:
+    """Writes the weights as half floats (2.6 MB) with their description."""
+    tensors = {
+        name: (value.half() if value.is_floating_point() else value).contiguous()
+        for name, value in net.state_dict().items()
+        if not name.endswith("num_batches_tracked")
+    }
+    metadata = {"format": FORMAT, "format_version": str(FORMAT_VERSION), "info": json.dumps(asdict(info))}
+    partial = path.with_name(path.name + ".partial")
+    save_file(tensors, partial, metadata)
+    partial.replace(path)
+
+
+def load(path: Path) -> tuple[PoleNet, WeightsInfo]:
+    """The network (in evaluation mode, batch norm not folded) and the description of a weights file.
+
+    Raises MissingError where there is no such file and InputError where it is damaged, not PoleNet's, or newer.
+    """
+    if not path.is_file():
+        raise MissingError(f"{path}: no such weights file")
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError) as error:
+        raise InputError(
+            f"{path}: not a whole safetensors file ({error})", "fetch or copy it again"
+        ) from error
+    if metadata.get("format") != FORMAT:
+        raise InputError(f"{path}: not PoleNet weights (no {FORMAT!r} in the metadata)")
+    if metadata.get("format_version") != str(FORMAT_VERSION):
+        found = metadata.get("format_version")
+        raise InputError(f"{path}: weights format {found}, this scpf reads {FORMAT_VERSION}", "update scpf")
+    try:
+        fields = json.loads(metadata["info"])
+        fields["calibration"] = ScoreCalibration(**fields["calibration"])
+        fields["classes"] = tuple(fields["classes"])
+        info = WeightsInfo(**fields)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: the description of the weights is damaged ({error})") from error
+    net = PoleNet()
+    counters = {
+        name: value for name, value in net.state_dict().items() if name.endswith("num_batches_tracked")
+    }
+    try:
+        net.load_state_dict({**tensors, **counters})
+    except RuntimeError as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path}: the tensors are not those of PoleNet ({reason})") from error
+    if not all(bool(torch.isfinite(value).all()) for value in tensors.values()):
+        raise InputError(f"{path}: the weights hold values that are not finite")
+    return net.eval(), info

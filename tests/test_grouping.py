@@ -1,0 +1,81 @@
+"""Grouping of synthetic maps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scpf.models.grouping import (
+    CENTRE_CELL_PX,
+    OFFSET_CELL_PX,
+    OFFSET_SCALE_PX,
+    ScoreCalibration,
+    group,
+)
+
+HEIGHT, WIDTH = 256, 192
+Maps = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def pole_maps(poles: list[tuple[int, int, int, int]], peaks: list[float]) -> Maps:
+    """What a perfect network would say about upright poles (x1, x2, y1, y2), with these centre peaks."""
+    mask = np.full((HEIGHT, WIDTH), 0.01, np.float32)
+    centre = np.zeros((HEIGHT // CENTRE_CELL_PX, WIDTH // CENTRE_CELL_PX), np.float32)
+    offsets = np.zeros((2, HEIGHT // OFFSET_CELL_PX, WIDTH // OFFSET_CELL_PX), np.float32)
+    for (x1, x2, y1, y2), peak in zip(poles, peaks, strict=True):
+        mask[y1:y2, x1:x2] = 0.95
+        middle = ((x1 + x2) / 2, (y1 + y2) / 2)
+        centre[int(middle[1] // CENTRE_CELL_PX), int(middle[0] // CENTRE_CELL_PX)] = peak
+        rows = np.arange(y1 // OFFSET_CELL_PX, -(-y2 // OFFSET_CELL_PX))
+        columns = np.arange(x1 // OFFSET_CELL_PX, -(-x2 // OFFSET_CELL_PX))
+        for axis, cells in enumerate((columns[None, :], rows[:, None])):
+            aim = (middle[axis] - (cells + 0.5) * OFFSET_CELL_PX) / OFFSET_SCALE_PX[axis]
+            offsets[axis, rows[:, None], columns[None, :]] = aim
+    return mask, centre, offsets
+
+
+def test_two_poles_side_by_side_stay_two() -> None:
+    poles = [(40, 46, 20, 220), (60, 66, 30, 230)]
+    found = group(*pole_maps(poles, [0.6, 0.9]))
+    assert [c.centre for c in found] == pytest.approx([0.9, 0.6])
+    for candidate, (x1, x2, y1, y2) in zip(found, reversed(poles), strict=True):
+        rows, columns = np.nonzero(candidate.mask)
+        left, top = candidate.corner_px
+        assert (columns.min() + left, columns.max() + left + 1) == (x1, x2)
+        assert (rows.min() + top, rows.max() + top + 1) == (y1, y2)
+        assert candidate.mask_mean == pytest.approx(0.95)
+
+
+def test_the_soft_mask_holds_no_pixel_of_the_neighbour() -> None:
+    found = group(*pole_maps([(40, 44, 20, 220), (46, 50, 30, 200)], [0.9, 0.5]))
+    for candidate in found:
+        assert not (candidate.soft > 0.5)[~candidate.mask].any()
+
+
+def test_pixels_that_point_elsewhere_belong_to_nobody() -> None:
+    mask, centre, offsets = pole_maps([(40, 46, 20, 220)], [0.9])
+    mask[20:220, 150:156] = 0.95  # no centre, offsets 0: they point at themselves
+    (only,) = group(mask, centre, offsets)
+    assert only.corner_px[0] + only.mask.shape[1] < 60
+
+
+def test_scraps_are_left_out_and_the_parts_of_a_hidden_pole_are_kept() -> None:
+    mask, centre, offsets = pole_maps([(40, 46, 20, 220)], [0.9])
+    mask[100:140, 38:48] = 0.01  # something stands before it
+    mask[60:64, 56:60] = 0.95
+    offsets[0, 15, 14] = (43 - 58) / OFFSET_SCALE_PX[0]
+    offsets[1, 15, 14] = (120 - 62) / OFFSET_SCALE_PX[1]
+    (only,) = group(mask, centre, offsets)
+    assert only.mask.sum() == 6 * 160
+
+
+@pytest.mark.parametrize("peaks", [[0.0], [0.05]])
+def test_nothing_without_a_peak(peaks: list[float]) -> None:
+    assert group(*pole_maps([(40, 46, 20, 220)], peaks)) == []
+
+
+def test_calibration_is_a_probability_that_grows_with_the_evidence() -> None:
+    calibration = ScoreCalibration(1.2, 0.8, 0.3, 0.5)
+    scores = [calibration.probability(p, 0.9, 100) for p in (0.0, 0.2, 0.5, 0.9, 1.0)]
+    assert scores == sorted(scores)
+    assert 0 < scores[0] < scores[-1] < 1
