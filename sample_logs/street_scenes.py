@@ -1,0 +1,163 @@
+"""Random street scenes with light poles, to train the segmenter on pictures that anyone may use.
+
+Each scene is painted from its seed alone: ground, backdrop, shadows, then all objects from far to near, then
+the camera's own faults. What resembles a lamp post (stakes, trunks, scaffolds, sign posts, house edges) is
+plentiful, because a network trained without it takes it for one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.models.instances import Image
+from scpf.sample_logs import street_objects
+from scpf.sample_logs.street_canvas import Canvas
+from scpf.sample_logs.street_ground import LEFT, RIGHT, Street, paint_cables, paint_ground, paint_shadows
+from scpf.sample_logs.street_houses import facade, lumber, scaffold
+from scpf.sample_logs.street_lamps import LampDesign, lamp_post
+from scpf.sample_logs.street_looks import any_colour
+from scpf.sample_logs.street_plants import bush, tree
+
+SIZES_PX = ((1024, 768), (1248, 384), (1152, 640))
+SIZE_SHARES = (0.5, 0.36, 0.14)
+MOST_LAMPS = 200  # ids above are for the ignored ones
+
+Thing = tuple[float, Callable[[], None]]  # distance (m) and how to draw it
+
+
+def scene(seed: int, size_px: tuple[int, int] | None = None) -> tuple[Image, NDArray[np.uint8]]:
+    """The scene of a seed: image (H, W, 3) uint8 **BGR** and instance ids (H, W) uint8.
+
+    ids: 0 background, 1 to 200 lamp posts, 255 small lanterns that may be found or not.
+    ``size_px``: (width, height); by default one of `SIZES_PX` at random.
+    """
+    rng = np.random.default_rng(seed)
+    width, height = size_px or SIZES_PX[rng.choice(len(SIZES_PX), p=SIZE_SHARES)]
+    street = Street.random(rng, width, height)
+    paint_ground(street, rng)
+    paint_shadows(street, rng)
+    things = _houses(street, rng) + _clutter(street, rng) + _lamps(street, rng)
+    for _, draw in sorted(things, key=lambda thing: -thing[0]):
+        draw()
+    paint_cables(street, rng)
+    return _photograph(rng, street.canvas.image), street.canvas.ids
+
+
+def write_scenes(folder: Path, seeds: range) -> None:
+    """Writes ``toy_SEED.jpg`` and ``toy_SEED.png`` (ids) of every seed into ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for seed in seeds:
+        image, ids = scene(seed)
+        cv2.imwrite(str(folder / f"toy_{seed:06d}.jpg"), image, [cv2.IMWRITE_JPEG_QUALITY, 92])
+        cv2.imwrite(str(folder / f"toy_{seed:06d}.png"), ids)
+
+
+def _houses(street: Street, rng: np.random.Generator) -> list[Thing]:
+    """Rows of houses on most sides, some behind scaffolds."""
+    found: list[Thing] = []
+    for side in (LEFT, RIGHT):
+        z = rng.uniform(2.5, 30) if rng.random() < 0.8 else np.inf
+        set_back = street.verge_m + rng.uniform(0, 6)
+        while z < 130:
+            length, tall = rng.uniform(7, 24), rng.uniform(4, 20)
+            x = street.x_m(side, set_back + rng.uniform(0, 2), z + length / 2)
+            found.append((z + length * 0.6, partial(_house, street.canvas, rng, side, x, z, length, tall)))
+            if rng.random() < 0.3:
+                front = x - side * rng.uniform(0.8, 1.5)
+                found.append(
+                    (z + length * 0.3, partial(scaffold, street.canvas, rng, front, z, length, tall))
+                )
+            z += length + (rng.uniform(1, 14) if rng.random() < 0.5 else 0.0)
+    return found
+
+
+def _house(
+    canvas: Canvas,
+    rng: np.random.Generator,
+    side: int,
+    x_m: float,
+    z_m: float,
+    length_m: float,
+    height_m: float,
+) -> None:
+    """Front along the street, gable towards the camera, a roof."""
+    near, far, back = max(z_m, 2.0), z_m + length_m, x_m + side * rng.uniform(7, 14)
+    wall = facade(rng, length_m, height_m)
+    gable = np.clip(wall * rng.uniform(0.5, 1.3), 0, 255).astype(np.uint8)  # in another light
+    canvas.texture([(x_m, 0, near), (back, 0, near), (back, height_m, near), (x_m, height_m, near)], gable)
+    canvas.texture([(x_m, 0, near), (x_m, 0, far), (x_m, height_m, far), (x_m, height_m, near)], wall)
+    tiles, ridge, middle = any_colour(rng, 20, 140), height_m + rng.uniform(0, 5), (x_m + back) / 2
+    eaves = x_m - side * 0.4
+    canvas.surface([(x_m, height_m, near), (back, height_m, near), (middle, ridge, near)], tiles)
+    canvas.surface(
+        [(eaves, height_m, near), (eaves, height_m, far), (middle, ridge, far), (middle, ridge, near)], tiles
+    )
+
+
+def _clutter(street: Street, rng: np.random.Generator) -> list[Thing]:
+    """Signs, fences, boards, building timber, cars, trees and bushes."""
+    found: list[Thing] = []
+    furniture = (
+        (street_objects.sign_post, 5, 4.0),
+        (street_objects.fence, 3, 4.0),
+        (street_objects.billboard, 2, 6.0),
+        (lumber, 2, 4.0),
+    )
+    for side in (LEFT, RIGHT):
+        for draw, most, nearest_m in furniture:
+            for _ in range(rng.integers(0, most)):
+                z = _distance_m(rng, nearest_m)
+                x = street.x_m(side, rng.uniform(0.2, 1.0 + 1.5 * street.verge_m), z)
+                found.append((z, partial(draw, street.canvas, rng, x, z)))
+        for _ in range(rng.integers(0, 4)):
+            z = _distance_m(rng, 7.0)
+            x = street.x_m(side, -rng.uniform(0.8, 3), z)
+            found.append((z, partial(street_objects.car, street.canvas, rng, x, z)))
+        row = rng.uniform(1, street.verge_m + 1)
+        for plant, most in ((tree, 10), (bush, 8)):
+            for _ in range(rng.integers(0, most)):
+                z = _distance_m(rng, 5.0)
+                x = street.x_m(side, row if rng.random() < 0.5 else rng.uniform(0.8, 20), z)
+                found.append((z, partial(plant, street.canvas, rng, x, z, street.crowns)))
+    return found
+
+
+def _distance_m(rng: np.random.Generator, nearest_m: float) -> float:
+    """Near things are drawn as often as far ones: uniform in the logarithm, to 80 m."""
+    return float(np.exp(rng.uniform(np.log(nearest_m), np.log(80))))
+
+
+def _lamps(street: Street, rng: np.random.Generator) -> list[Thing]:
+    """Rows of one make on either side, and single lamp posts of other streets further off."""
+    spots: list[tuple[float, float, int, LampDesign]] = []
+    for side in (LEFT, RIGHT):
+        make = LampDesign.random(rng)
+        if rng.random() < 0.75:
+            z, gap, beyond = rng.uniform(3.5, 30), rng.uniform(14, 40), rng.uniform(0.4, 4.0)
+            while z < 90:
+                if rng.random() < 0.9:
+                    spots.append((street.x_m(side, beyond, z), z, -side, make))
+                z += gap * rng.uniform(0.85, 1.15)
+        for _ in range(rng.integers(0, 3)):
+            z = rng.uniform(10, 60)
+            spots.append((street.x_m(side, rng.uniform(4, 25), z), z, int(rng.choice([LEFT, RIGHT])), make))
+    return [
+        (z, partial(lamp_post, street.canvas, rng, x, z, towards, make, i))
+        for i, (x, z, towards, make) in enumerate(spots[:MOST_LAMPS], start=1)
+    ]
+
+
+def _photograph(rng: np.random.Generator, painted: Image) -> Image:
+    """Lens blur, exposure, contrast curve and sensor noise."""
+    blurred = cv2.GaussianBlur(painted, (0, 0), rng.uniform(0.35, 0.85))
+    gain, lift = rng.uniform(0.7, 1.1), rng.uniform(-10, 25)
+    curve = 255 * (np.arange(256) / 255) ** rng.uniform(0.7, 1.5) * gain + lift
+    noise = rng.standard_normal(painted.shape, dtype=np.float32) * np.float32(rng.uniform(0.5, 6))
+    toned = curve.astype(np.float32)[blurred] + noise
+    return np.asarray(np.clip(toned, 0, 255), np.uint8)

@@ -1,0 +1,66 @@
+"""Painted street scenes: the same for a seed, with plausible poles whose ids lie where they are painted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from scpf.sample_logs.street_canvas import Canvas, StreetCamera, Tube
+from scpf.sample_logs.street_scenes import MOST_LAMPS, SIZES_PX, scene, write_scenes
+
+
+def test_a_scene_is_the_same_for_its_seed_and_another_for_another() -> None:
+    (image, ids), (again, ids_again), (other, _) = scene(3), scene(3), scene(3, (640, 480))
+    assert np.array_equal(image, again)
+    assert np.array_equal(ids, ids_again)
+    assert other.shape == (480, 640, 3)
+    assert not np.array_equal(scene(4, (640, 480))[0], other)
+
+
+def test_scenes_have_poles_taller_than_wide_on_a_small_part_of_the_picture() -> None:
+    tall = 0
+    for seed in range(6):
+        image, ids = scene(seed)
+        assert image.shape[:2] == ids.shape
+        assert ids.shape[::-1] in SIZES_PX
+        assert image.std() > 10
+        assert (ids > 0).mean() < 0.15
+        for i in set(np.unique(ids).tolist()) - {0, 255}:
+            assert i <= MOST_LAMPS
+            rows, columns = np.nonzero(ids == i)
+            tall += int(np.ptp(rows) > 60 and np.ptp(rows) > np.ptp(columns))
+    assert tall >= 8
+
+
+@pytest.mark.parametrize("radius_m", [0.02, 0.05, 0.2])
+def test_a_tube_is_as_thick_as_the_camera_sees_it(radius_m: float) -> None:
+    camera = StreetCamera(np.random.default_rng(0), 640, 480)
+    camera.R_camera_street = np.eye(3)
+    canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+    canvas.tubes([Tube((0.013, 0, 5), (0.013, 3, 5), radius_m, radius_m)], (200.0, 200.0, 200.0), 7)
+    expected_px = 2 * radius_m * camera.focal_px / 5
+    rows = slice(200, 260)
+    assert (canvas.ids[rows] == 7).sum(1).mean() == pytest.approx(expected_px, abs=0.6)
+    covered = np.count_nonzero(canvas.image[rows, :, 0], axis=1).mean()
+    assert expected_px - 0.3 <= covered <= expected_px + 2
+
+
+def test_what_stands_before_a_pole_hides_it() -> None:
+    camera = StreetCamera(np.random.default_rng(0), 320, 240)
+    canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+    canvas.tubes([Tube((0, 0, 9), (0, 6, 9), 0.1, 0.1)], (90.0, 90.0, 90.0), 1)
+    assert (canvas.ids == 1).any()
+    canvas.polygon(np.array([(0, 0), (320, 0), (320, 240), (0, 240)]), (1.0, 2.0, 3.0))
+    assert not canvas.ids.any()
+
+
+def test_written_scenes_are_read_back(tmp_path: Path) -> None:
+    write_scenes(tmp_path, range(5, 6))
+    image, ids = scene(5)
+    assert np.array_equal(cv2.imread(str(tmp_path / "toy_000005.png"), cv2.IMREAD_UNCHANGED), ids)
+    written = cv2.imread(str(tmp_path / "toy_000005.jpg"))
+    assert written is not None
+    assert np.abs(written.astype(int) - image).mean() < 8
