@@ -1,8 +1,9 @@
 """Distance models on disk: one .npz, arrays and a JSON member, no pickle.
 
-``model.json`` (uint8) says format, version and, a model each, the experts with their features and what it was
-trained on; the arrays of expert E of model K are named ``K.E.NAME``. The Cholesky factor is stored (its lower
-triangle, row by row), not computed anew, so that predictions are bit-equal to those before saving.
+``model.json`` (uint8) says format, version, the experts with their features and what the model was trained on; the
+arrays of expert E are named ``E.NAME``, those of a cross-fitted model's held-out predictions ``held_out.NAME``. The
+Cholesky factor is stored (its lower triangle, row by row), not computed anew, so that predictions are bit-equal to
+those before saving.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.cross_fitted import CrossFittedDistance
-from scpf.models.distance import SINGLE, DistanceModel, TrainedOn
+from scpf.models.distance import SINGLE, DistanceModel, Predictions, TrainedOn
 from scpf.models.distance_gate import EXPERTS, Gate
 from scpf.models.errors import DamagedError, InputError, MissingError
 from scpf.models.features import FEATURES
@@ -30,21 +31,25 @@ HEADER: Final = "model.json"
 MAX_BYTES: Final = 1 << 30
 """What the members of a file may unpack to; a model of 1000 samples has 4 MB."""
 
+HELD_OUT: Final = ("mean_m", "variance_m2", "function_variance_m2", "expert", "in_range")
+
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 
 def save(model: DistanceModel | CrossFittedDistance, path: Path) -> None:
     """Write ``model`` to ``path``, replacing it only when the new file is whole."""
-    folds = model.folds if isinstance(model, CrossFittedDistance) else (model,)
     header: dict[str, Any] = {"format": FORMAT, "version": VERSION}
     arrays: Arrays = {}
-    header["models"] = [_pack(fold, k, arrays) for k, fold in enumerate(folds)]
     if isinstance(model, CrossFittedDistance):
-        header["stretches"] = {
-            "starts_ns": [int(start) for start in model.starts_ns],
-            "held_out": [sorted(poles) for poles in model.held_out],
-        }
+        header["model"] = _pack(model.model, arrays)
+        header["held_out"] = True
+        arrays["held_out.stamps_ns"] = model.stamps_ns
+        arrays["held_out.boxes_px"] = model.boxes_px
+        for name in HELD_OUT:
+            arrays[f"held_out.{name}"] = getattr(model.held_out, name)
+    else:
+        header["model"] = _pack(model, arrays)
     arrays[HEADER] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     partial = path.with_name(path.name + ".partial")
     try:
@@ -72,12 +77,8 @@ def load(path: Path) -> DistanceModel | CrossFittedDistance:
             raise InputError(f"{path}: not a distance model", "scpf train distance writes them")
         if header["version"] > VERSION:
             raise InputError(f"{path}: version {header['version']} is newer than this scpf", "update scpf")
-        folds = tuple(_unpack(member, k, arrays, path) for k, member in enumerate(header["models"]))
-        if "stretches" not in header:
-            return folds[0]
-        stretches = header["stretches"]
-        starts = np.array(stretches["starts_ns"], dtype=np.int64)
-        return CrossFittedDistance(folds, starts, tuple(frozenset(poles) for poles in stretches["held_out"]))
+        model = _unpack(header["model"], arrays, path)
+        return _held_out(model, arrays) if header.get("held_out") else model
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
         raise DamagedError(f"{path}: cut short or corrupt ({error})", "train or copy it again") from error
     except (KeyError, IndexError, ValueError, TypeError, AttributeError, OverflowError) as error:
@@ -95,13 +96,13 @@ def _read(path: Path) -> Arrays:
         return {name: members[name] for name in members.files}
 
 
-def _pack(model: DistanceModel, index: int, arrays: Arrays) -> dict[str, Any]:
+def _pack(model: DistanceModel, arrays: Arrays) -> dict[str, Any]:
     """The header of one model; its arrays go into ``arrays``."""
     if model.gate is not None:
         for name in ("shares", "means", "variances"):
-            arrays[f"{index}.gate.{name}"] = getattr(model.gate, name)
+            arrays[f"gate.{name}"] = getattr(model.gate, name)
     for name, expert in zip(model.names, model.experts, strict=True):
-        prefix, found = f"{index}.{name}", expert.hyperparameters
+        prefix, found = name, expert.hyperparameters
         arrays[f"{prefix}.scalars"] = np.array([found.signal_m2, found.noise_m2, expert.offset_m])
         arrays[f"{prefix}.length_scales"] = found.length_scales
         arrays[f"{prefix}.factor"] = expert.factor[np.tril_indices(len(expert.factor))]
@@ -117,7 +118,7 @@ def _pack(model: DistanceModel, index: int, arrays: Arrays) -> dict[str, Any]:
     }
 
 
-def _unpack(member: Mapping[str, Any], index: int, arrays: Arrays, path: Path) -> DistanceModel:
+def _unpack(member: Mapping[str, Any], arrays: Arrays, path: Path) -> DistanceModel:
     names = tuple(member["experts"])
     inputs = tuple(tuple(str(name) for name in member["experts"][expert]) for expert in names)
     if names not in (EXPERTS, (SINGLE,)):
@@ -130,13 +131,11 @@ def _unpack(member: Mapping[str, Any], index: int, arrays: Arrays, path: Path) -
     gate = None
     if names == EXPERTS:
         gate = Gate(
-            _array(arrays, f"{index}.gate.shares", (2,), positive=True),
-            _array(arrays, f"{index}.gate.means", (2, 2)),
-            _array(arrays, f"{index}.gate.variances", (2, 2), positive=True),
+            _array(arrays, "gate.shares", (2,), positive=True),
+            _array(arrays, "gate.means", (2, 2)),
+            _array(arrays, "gate.variances", (2, 2), positive=True),
         )
-    experts = tuple(
-        _expert(arrays, f"{index}.{name}", len(each)) for name, each in zip(names, inputs, strict=True)
-    )
+    experts = tuple(_expert(arrays, name, len(each)) for name, each in zip(names, inputs, strict=True))
     width, height = (int(side) for side in member["image_px"])
     matrix = np.array(member["camera_matrix"], dtype=np.float64).reshape(3, 3)
     if width <= 0 or height <= 0:
@@ -144,6 +143,24 @@ def _unpack(member: Mapping[str, Any], index: int, arrays: Arrays, path: Path) -
     notes = {str(key): str(value) for key, value in member["notes"].items()}
     about = TrainedOn(str(member["landmark_class"]), width, height, matrix, notes)
     return DistanceModel(gate, experts, inputs, about)
+
+
+def _held_out(model: DistanceModel, arrays: Arrays) -> CrossFittedDistance:
+    stamps = np.asarray(arrays["held_out.stamps_ns"])
+    n = len(stamps)
+    mean, variance, function = (_array(arrays, f"held_out.{name}", (n,)) for name in HELD_OUT[:3])
+    expert, in_range = arrays["held_out.expert"], arrays["held_out.in_range"]
+    if (
+        stamps.dtype != np.int64
+        or expert.shape != (n,)
+        or in_range.shape != (n,)
+        or in_range.dtype != np.bool_
+    ):
+        raise ValueError("the held-out predictions do not fit each other")
+    if expert.dtype.kind != "i" or not ((expert >= 0) & (expert < len(model.names))).all():
+        raise ValueError("a held-out prediction of an expert that is not there")
+    found = Predictions(mean, variance, function, expert.astype(np.intp), in_range)
+    return CrossFittedDistance(model, stamps, _array(arrays, "held_out.boxes_px", (n, 4)), found)
 
 
 def _expert(arrays: Arrays, prefix: str, d: int) -> GaussianProcess:

@@ -78,7 +78,8 @@ def thickness_px(instance: Instance) -> float:
         return float("nan")
     widths = (right - left)[central].astype(np.float64)
     middle = float(np.median(widths))
-    width = float(widths[np.abs(widths - middle) <= max(1.0, 0.25 * middle)].mean())
+    alike = widths[np.abs(widths - middle) <= max(1.0, 0.25 * middle)]
+    width = float(alike.mean()) if len(alike) else middle  # two rows that differ much agree with no median
     centre = np.asarray(0.5 * (left + right), dtype=np.float64)
     return width / float(np.hypot(1.0, _slope(row, centre)))
 

@@ -1,4 +1,4 @@
-"""Training of the distance model: samples out of drive logs, and models that do not know a frame's poles."""
+"""Training of the distance model: samples out of drive logs, and predictions by models that never saw the pole."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from scpf.ingest.drive_log import DriveLog
 from scpf.models.camera import Camera
 from scpf.models.cross_fitted import CrossFittedDistance
 from scpf.models.distance import DistanceModel, Predictions, TrainedOn, fit
+from scpf.models.distance_gate import BOX
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.errors import InputError, MissingError
 from scpf.models.features import Features, measure
@@ -28,8 +29,6 @@ Stamps = NDArray[np.int64]
 RECORDED: Final = "recorded"
 TOO_SMALL: Final = "too small to measure"
 NO_POSE: Final = "no reference pose at the frame"
-MARGIN_NS: Final = 3_000_000_000
-"""A pole labelled this near to a stretch counts as seen in it: a frame's own label may have been dropped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +66,17 @@ class Samples:
 def gather(
     paths: Sequence[Path],
     segmenter: str = "polenet",
+    threshold: float = 0.9,
     every: int = 1,
     max_distance_m: float = 60.0,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> Samples:
     """Samples from every ``every``-th frame of the logs, labelled by their maps and reference trajectories.
 
-    ``segmenter``: a name or a file, as ``segmentation.load`` takes it, or "recorded" for the log's own
-    masks. ``on_frame(frames, samples)`` is called after each frame. Raises MissingError where a log lacks
-    calibration, trajectory or map, InputError where two logs come from different cameras or nothing could
-    be labelled.
+    ``segmenter``: a name or a file, as ``segmentation.load`` takes it, or "recorded" for the log's own masks;
+    instances of a score below ``threshold`` are left out. ``on_frame(frames, samples)`` is called after each frame.
+    Raises MissingError where a log lacks calibration, trajectory or map, InputError where two logs come from different
+    cameras or nothing could be labelled.
     """
     camera: Camera | None = None
     tables: list[Features] = []
@@ -92,7 +92,7 @@ def gather(
                 raise MissingError(f"{path}: no {lacking} in the log", "training needs all three")
             camera = camera or its_camera
             _check_same(camera, its_camera, path)
-            for stamp_ns, instances in _segmented(log, segmenter, every):
+            for stamp_ns, instances in _segmented(log, segmenter, threshold, every):
                 frames += 1
                 pose = trajectory.at(stamp_ns)
                 if instances is None:
@@ -134,7 +134,9 @@ def gather(
     )
 
 
-def _segmented(log: DriveLog, segmenter: str, every: int) -> Iterator[tuple[int, Sequence[Instance] | None]]:
+def _segmented(
+    log: DriveLog, segmenter: str, threshold: float, every: int
+) -> Iterator[tuple[int, Sequence[Instance] | None]]:
     """Stamp and instances of each chosen frame; None for an image that cannot be decoded."""
     if segmenter == RECORDED:
         found = log.instances()
@@ -144,7 +146,7 @@ def _segmented(log: DriveLog, segmenter: str, every: int) -> Iterator[tuple[int,
     from scpf.models.segmentation import load
     from scpf.replay.frames import decode
 
-    segment = load(segmenter)
+    segment = load(segmenter, threads=1, threshold=threshold)
     for index, picture in enumerate(log.images()):
         if index % every:
             continue
@@ -174,49 +176,36 @@ def train(
 
 
 def cross_fit(
-    samples: Samples, model: DistanceModel, settings: DistanceSettings, seed: int, stretches: int = 8
-) -> tuple[CrossFittedDistance, Predictions]:
-    """Models for an honest replay of the training drive itself, and their prediction of every sample.
+    samples: Samples, model: DistanceModel, settings: DistanceSettings, seed: int, folds: int = 10
+) -> CrossFittedDistance:
+    """``model``, and a prediction of every sample by a model that never saw its pole.
 
-    The drive is cut into stretches of time with the same number of samples. The model of a stretch is
-    trained on the samples, of the whole drive, of all poles but those that are labelled in it or within 3 s
-    of it: every sample is predicted by a model that never saw its pole. Gate and hyperparameters are fitted
-    anew, beginning at those of ``model``. Raises InputError where a stretch leaves too few samples.
+    The poles are dealt into ``folds`` parts of like many samples (one pole each where there are fewer); the samples of
+    a part are predicted by a model that is trained on all others, gate and hyperparameters fitted anew, beginning at
+    those of ``model``. Raises InputError where a part leaves too few samples to train on.
     """
-    order = np.sort(samples.stamps_ns)
-    starts = np.unique(order[np.linspace(0, len(order), stretches, endpoint=False).astype(int)])
-    ends = np.append(starts[1:], order[-1] + 1)
-    folds: list[DistanceModel] = []
-    held_out: list[frozenset[str]] = []
-    for number, (start, end) in enumerate(zip(starts, ends, strict=True), 1):
-        near = (samples.stamps_ns >= start - MARGIN_NS) & (samples.stamps_ns < end + MARGIN_NS)
-        poles = np.unique(samples.landmark_ids[near])
-        kept = np.flatnonzero(~np.isin(samples.landmark_ids, poles))
-        if len(kept) < 2 * MIN_SAMPLES:
-            raise InputError(
-                f"stretch {number} of {len(starts)} sees {len(poles)} poles; without them {len(kept)} samples "
-                f"of {len(samples)} are left to train on",
-                "cut the drive into more stretches, or take a longer drive",
-            )
-        notes = {**model.trained_on.notes, "stretch": f"{number} of {len(starts)}"}
-        about = replace(model.trained_on, notes=notes)
-        part = samples.rows(kept)
-        folds.append(fit(part.features, part.distances_m, settings, seed, about, start=model))
-        held_out.append(frozenset(str(pole) for pole in poles))
-    fitted = CrossFittedDistance(tuple(folds), starts, tuple(held_out))
-    return fitted, _predict(fitted, samples)
-
-
-def _predict(fitted: CrossFittedDistance, samples: Samples) -> Predictions:
-    """Each sample's prediction by the model of its frame."""
+    poles, counts = np.unique(samples.landmark_ids, return_counts=True)
+    dealt = {pole: k % folds for k, pole in enumerate(poles[np.argsort(-counts, kind="stable")])}
+    part_of = np.array([dealt[pole] for pole in samples.landmark_ids])
     n = len(samples)
     mean, variance, function = np.full((3, n), np.nan)
     expert, in_range = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.bool_)
-    at = np.array([fitted.fold_at(int(stamp)) for stamp in samples.stamps_ns])
-    for k, fold in enumerate(fitted.folds):
-        mine = np.flatnonzero(at == k)
-        found = fold.predict_features(samples.features.rows(mine))
+    for part in range(max(part_of) + 1):
+        mine, others = np.flatnonzero(part_of == part), np.flatnonzero(part_of != part)
+        if len(others) < 2 * MIN_SAMPLES:
+            raise InputError(
+                f"without {len(np.unique(samples.landmark_ids[mine]))} of {len(poles)} poles, {len(others)} "
+                f"samples of {n} are left to train on",
+                "take a longer drive, or a lower --threshold",
+            )
+        rest = samples.rows(others)
+        fitted = fit(rest.features, rest.distances_m, settings, seed, model.trained_on, start=model)
+        found = fitted.predict_features(samples.features.rows(mine))
         mean[mine], variance[mine] = found.mean_m, found.variance_m2
-        function[mine], expert[mine] = found.function_variance_m2, found.expert
-        in_range[mine] = found.in_range
-    return Predictions(mean, variance, function, expert, in_range)
+        function[mine], in_range[mine] = found.function_variance_m2, found.in_range
+        # A part may leave a single expert; what answered is then called by the first expert's name.
+        expert[mine] = np.minimum(found.expert, len(model.names) - 1)
+    boxes = samples.features.columns(BOX)
+    return CrossFittedDistance(
+        model, samples.stamps_ns, boxes, Predictions(mean, variance, function, expert, in_range)
+    )

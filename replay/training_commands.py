@@ -15,8 +15,9 @@ def train_distance(
     *,
     output: Annotated[Path, Parameter(alias="-o")],
     cross_fitted: Path | None = None,
-    stretches: int = 8,
+    folds: int = 10,
     segmenter: str = "polenet",
+    threshold: float = 0.9,
     preset: Literal["paper", "thickness"] = "paper",
     every: int = 1,
     max_distance_m: float = 60.0,
@@ -45,13 +46,15 @@ def train_distance(
     output
         The model file to write (.npz).
     cross_fitted
-        Also write models for a replay of these very logs: each frame's model has seen none of its poles.
-    stretches
-        How many of those models there are.
+        Also write a model for a replay of these very logs: each distance by a model that never saw the pole.
+    folds
+        Into how many parts the poles are dealt for that.
     segmenter
         `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
     preset
         Features of the experts: `paper`, or `thickness` (the far expert sees the thickness, too).
+    threshold
+        Detections of a lower score are left out.
     every
         Take every n-th frame.
     max_distance_m
@@ -76,8 +79,8 @@ def train_distance(
     from scpf.replay.distance_evaluation import bands, evaluate, per_expert, residuals
     from scpf.replay.distance_training import cross_fit, gather, train
 
-    if every < 1 or stretches < 2 or repetitions < 1 or max_distance_m <= 0:
-        raise UsageError("--every, --repetitions and --max-distance-m are at least 1, --stretches at least 2")
+    if every < 1 or folds < 2 or repetitions < 1 or max_distance_m <= 0:
+        raise UsageError("--every, --repetitions and --max-distance-m are at least 1, --folds at least 2")
     for path in (output, cross_fitted, report):
         if path is not None and path.exists() and not overwrite:
             raise UsageError(f"{path} exists", "choose another name, or give --overwrite")
@@ -85,12 +88,18 @@ def train_distance(
     say = _progress(quiet)
     settings = PRESETS[preset]
     samples = gather(
-        logs, segmenter, every, max_distance_m, lambda frames, n: say(f"{frames} frames, {n} samples")
+        logs,
+        segmenter,
+        threshold,
+        every,
+        max_distance_m,
+        lambda frames, n: say(f"{frames} frames, {n} samples"),
     )
     say(f"fitting {len(samples)} samples")
     notes = {
         "logs": ", ".join(log.name for log in logs),
         "segmenter": Path(segmenter).name,
+        "score_threshold": f"{threshold:g}",
         "every": str(every),
         "max_distance_m": f"{max_distance_m:g}",
         "preset": preset,
@@ -112,9 +121,9 @@ def train_distance(
     }
     if cross_fitted is not None:
         say("cross-fitting")
-        fitted, found = cross_fit(samples, model, settings, seed, stretches)
+        fitted = cross_fit(samples, model, settings, seed, folds)
         fitted.save(cross_fitted)
-        pooled = residuals(samples, found)
+        pooled = residuals(samples, fitted.held_out)
         figures["cross_fitted"] = per_expert(model.names, pooled)
         figures["cross_fitted_bands"] = bands(pooled)
     say("")

@@ -15,7 +15,7 @@ from pole_scenes import camera, pose, see
 
 from scpf.models import distance_file
 from scpf.models.cross_fitted import CrossFittedDistance
-from scpf.models.distance import DistanceModel, TrainedOn, fit
+from scpf.models.distance import DistanceModel, Predictions, TrainedOn, fit
 from scpf.models.distance_settings import PRESETS, DistanceSettings
 from scpf.models.errors import DamagedError, InputError, MissingError, ScpfError
 from scpf.models.features import Features, measure
@@ -197,19 +197,25 @@ def test_a_file_round_trip_is_bit_equal(
     assert again.for_frame(0) is again
 
 
-def test_cross_fitted_models_in_one_file(
+def test_cross_fitted_distances_answer_for_their_samples_alone(
     trained: tuple[DistanceModel, list[Instance], np.ndarray], tmp_path: Path
 ) -> None:
-    model, instances, distances = trained
-    other = fit(measure(instances[:80], 1024, 768), distances[:80], QUICK, 0, ABOUT, start=model)
-    both = CrossFittedDistance((model, other), np.array([100, 200]), (frozenset({"P1"}), frozenset()))
-    both.save(tmp_path / "c.npz")
+    model, instances, _ = trained
+    few = instances[:3]
+    boxes = np.array([[i.box_px[0], i.box_px[2], i.box_px[1], i.box_px[3]] for i in few])
+    held_out = Predictions(
+        np.array([11.0, 22.0, 33.0]), np.ones(3), np.full(3, 0.5), np.array([0, 1, 1]), np.ones(3, bool)
+    )
+    CrossFittedDistance(model, np.array([100, 100, 200]), boxes, held_out).save(tmp_path / "c.npz")
     again = distance_file.load(tmp_path / "c.npz")
     assert isinstance(again, CrossFittedDistance)
-    assert again.held_out == both.held_out
-    for stamp, expected in ((0, model), (199, model), (200, other), (10**18, other)):
-        found = again.for_frame(stamp).predict(instances[:5], 1024, 768)
-        assert found == expected.predict(instances[:5], 1024, 768)
+    found = again.for_frame(100).predict([few[1], few[2], few[0]], 1024, 768)
+    assert [d.mean_m for d in (found[0], found[2]) if d] == [22.0, 11.0]
+    assert found[1] is not None
+    alone = model.predict([few[2]], 1024, 768)[0]  # a sample, but of another frame
+    assert alone is not None
+    assert found[1].mean_m == pytest.approx(alone.mean_m)
+    assert [d.mean_m for d in again.for_frame(200).predict(few[2:], 1024, 768) if d] == [33.0]
     with pytest.raises(InputError, match="cross-fitted"):
         DistanceModel.load(tmp_path / "c.npz")
 
@@ -242,13 +248,13 @@ def test_refusals(small_file: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a distance model"):
         DistanceModel.load(changed(small_file, header={"format": "other"}))
     with pytest.raises(DamagedError):
-        DistanceModel.load(changed(small_file, **{"0.far.weights": np.array([{"a": 1}], dtype=object)}))
-    with pytest.raises(DamagedError, match=r"0\.far\.centre"):
-        DistanceModel.load(changed(small_file, **{"0.far.centre": np.full(4, np.nan)}))
+        DistanceModel.load(changed(small_file, **{"far.weights": np.array([{"a": 1}], dtype=object)}))
+    with pytest.raises(DamagedError, match=r"far\.centre"):
+        DistanceModel.load(changed(small_file, **{"far.centre": np.full(4, np.nan)}))
     with pytest.raises(DamagedError):
-        DistanceModel.load(changed(small_file, **{"0.close.weights": np.zeros(3)}))
+        DistanceModel.load(changed(small_file, **{"close.weights": np.zeros(3)}))
     with pytest.raises(DamagedError):
-        DistanceModel.load(changed(small_file, header={"models": []}))
+        DistanceModel.load(changed(small_file, header={"model": {}}))
     text = tmp_path / "text.npz"
     text.write_text("not an archive")
     with pytest.raises(DamagedError):
