@@ -93,7 +93,11 @@ def replay(
             "distance_model": dict(model.metadata) if model is not None else {},
         }
         pipeline = Pipeline(
-            settings, build(settings.segmenter, settings.score_threshold), model, camera, road_map
+            settings,
+            build(settings.segmenter, settings.score_threshold, settings.bfloat16),
+            model,
+            camera,
+            road_map,
         )
         recorded = settings.segmenter == RECORDED
         frames = read_frames(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import uuid
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,7 +24,9 @@ from scpf.replay.step import Frame, Step, Surface
 
 Array = NDArray[np.float64]
 
-FLUSH_EVERY_S: Final = 3.0
+FLUSH_EVERY: Final = 26
+"""Steps between two flushes: by count, not by the clock, so that a run twice over cuts its chunks alike."""
+NEVER_S: Final = 1e6
 ABOVE_PARTICLES_M: Final = 0.3
 SLOWEST_MPS: Final = 0.3
 NAMESPACE: Final = uuid.UUID("6f6f1d0c-5f0b-4a3e-9d35-0e6f6b1c7a10")
@@ -63,10 +64,10 @@ class Recording:
         self._distances: set[str] = set()
         self._named: set[str] = set()
         self._before: dict[str, Array] = {}
-        self._flushed_s = time.monotonic()
+        self._unflushed = 0
         # The same run twice is the same recording; two different runs can be opened side by side.
         identity = str(uuid.uuid5(NAMESPACE, repr((name, sorted(settings.items())))))
-        batches = rr.ChunkBatcherConfig(flush_tick=10.0)  # one-row chunks would double the file
+        batches = rr.ChunkBatcherConfig(flush_tick=NEVER_S)  # one-row chunks would double the file
         self._rec = rr.RecordingStream(
             "scpf", recording_id=identity, send_properties=False, batcher_config=batches
         )
@@ -107,9 +108,10 @@ class Recording:
         self._log_distances(step)
         self._log_surface(step.surface)
         self._log_numbers(step)
-        if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:  # a killed process keeps what was flushed
+        self._unflushed += 1
+        if self._unflushed == FLUSH_EVERY:  # a killed process keeps what was flushed
             self._rec.flush()
-            self._flushed_s = time.monotonic()
+            self._unflushed = 0
 
     def _log_reference(self, frame: Frame, belief: Belief) -> None:
         pose = frame.T_map_body

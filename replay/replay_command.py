@@ -18,6 +18,7 @@ def replay(
     preset: Literal["paper", "pf"] = "paper",
     segmenter: str = "polenet",
     threshold: float = 0.9,
+    bfloat16: bool = False,
     distance_model: str = "default",
     gps: Literal["auto", "log", "emulated", "none"] = "auto",
     gps_sigma: float = 3.0,
@@ -53,6 +54,9 @@ def replay(
         `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
     threshold
         Detections of a lower score are left out.
+    bfloat16
+        Run the network in bfloat16: half the time on CPUs that compute it themselves. Results then differ a little
+        between machines.
     distance_model
         `default`, or a file that `scpf train distance` wrote.
     gps
@@ -96,6 +100,7 @@ def replay(
         settings_of(preset),
         segmenter=segmenter,
         score_threshold=threshold,
+        bfloat16=bfloat16,
         distance_model=distance_model,
         seed=seed,
         gps=GpsSettings(gps, gps_sigma),
