@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scpf.ingest.assembly_report import SHOWN, AssemblyReport
 from scpf.ingest.calibration import to_yaml
 from scpf.ingest.drive_log import (
     CALIBRATION_ATTACHMENT,
@@ -20,8 +21,8 @@ from scpf.ingest.drive_log import (
     DriveLogWriter,
     library_name,
 )
-from scpf.ingest.images import ImageFile
 from scpf.ingest.maps import encode_map
+from scpf.ingest.pictures import Encoded, Picture
 from scpf.models.camera import Camera
 from scpf.models.errors import InputError
 from scpf.models.geodesy import Origin
@@ -30,40 +31,13 @@ from scpf.models.trajectory import MAX_GAP_NS, Trajectory
 
 Stamps = NDArray[np.int64]
 
-MAX_IMAGE_BYTES: Final = 256 << 20
 GAP_FACTOR: Final = 1.5
 """An interval this many times the median one is a gap: a frame or more is missing."""
 
 
-@dataclass
-class AssemblyReport:
-    """What became a drive log, and what did not. Times in seconds, ``dropped``: reason → count."""
-
-    path: str
-    frames: int = 0
-    poses: int = 0
-    poses_left_out: int = 0
-    """Poses more than a second before the first or after the last image: no frame needs them."""
-    landmarks: int = 0
-    duration_s: float = 0.0
-    median_interval_s: float = 0.0
-    gaps: list[tuple[float, float]] = field(default_factory=list)
-    """Start after the first image, and length, of each interval that is 1.5 times the median, or more."""
-    overlap_s: float = 0.0
-    """How long images and trajectory run side by side."""
-    frames_without_pose: int = 0
-    """Frames in the log that lie outside the trajectory, or in a gap of it."""
-    dropped: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def lossless(self) -> bool:
-        """Whether everything given is in the log."""
-        return not self.dropped
-
-
 def assemble(
     output: Path,
-    images: Sequence[ImageFile],
+    images: Sequence[Picture],
     stamps_ns: Stamps,
     camera: Camera,
     *,
@@ -73,13 +47,17 @@ def assemble(
     start_s: float | None = None,
     end_s: float | None = None,
     sources: Sequence[Path] = (),
+    found: AssemblyReport | None = None,
+    drop_duplicates: bool = False,
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> AssemblyReport:
     """Write the drive log ``output`` and say what went into it.
 
     ``stamps_ns`` (N,) belongs to ``images`` (N). ``start_s`` and ``end_s`` keep a part of the drive, in seconds
-    after the first image (asked for, hence not a loss). Images that cannot be read are dropped and counted.
+    after the first image (asked for, hence not a loss). Images that cannot be read are dropped and counted; those
+    that repeat the one before are counted, and left out with ``drop_duplicates``. ``found``: a report that already
+    holds what was noticed or dropped while the images were listed.
     ``sources`` are recorded with their SHA-256. Raises InputError, among others where images and trajectory
     share no time, which is a mistaken clock.
     """
@@ -97,7 +75,7 @@ def assemble(
         raise InputError(
             f"no image lies between {start_s} and {end_s} s", f"the drive lasts {_span(stamps_ns):.3f} s"
         )
-    report = AssemblyReport(str(output))
+    report = found or AssemblyReport(str(output))
     if trajectory is not None:
         report.overlap_s = _overlap_s(stamps_ns[chosen], trajectory)
 
@@ -105,7 +83,17 @@ def assemble(
     with DriveLogWriter(output, overwrite=overwrite, origin=origin) as log:
         log.write_camera(int(stamps_ns[chosen[0]]), camera)
         _attach(log, camera, road_map, report)
-        kept = _write_all(log, images, stamps_ns, chosen, trajectory, position_variance_m2, report, progress)
+        kept = _write_all(
+            log,
+            images,
+            stamps_ns,
+            chosen,
+            trajectory,
+            position_variance_m2,
+            report,
+            drop_duplicates,
+            progress,
+        )
         _describe(report, stamps_ns[kept], trajectory)
         log.metadata(SCPF_METADATA, _provenance(report, sources, origin))
     return report
@@ -113,12 +101,13 @@ def assemble(
 
 def _write_all(
     log: DriveLogWriter,
-    images: Sequence[ImageFile],
+    images: Sequence[Picture],
     stamps_ns: Stamps,
     chosen: list[int],
     trajectory: Trajectory | None,
     position_variance_m2: float | None,
     report: AssemblyReport,
+    drop_duplicates: bool,
     progress: Callable[[int, int], None] | None,
 ) -> list[int]:
     """Write images and poses in the order of their times; returns the images that were written."""
@@ -132,18 +121,26 @@ def _write_all(
     events = [(int(pose_stamps[k]), 0, int(k)) for k in np.flatnonzero(near)]
     events += [(int(stamps_ns[k]), 1, k) for k in chosen]
     kept: list[int] = []
+    previous = b""
     for stamp_ns, is_image, k in sorted(events):
         if not is_image:
             log.write_pose(stamp_ns, poses[k], position_variance_m2)
             report.poses += 1
             continue
-        data = _read(images[k].path)
-        if data is None:
-            reason = "image that could not be read"
-            report.dropped[reason] = report.dropped.get(reason, 0) + 1
-        else:
-            log.write_image(stamp_ns, data, images[k].format)
-            kept.append(k)
+        image = _read(images[k], report)
+        if image is not None:
+            # The bytes say it for decoded pixels, too: equal pixels are encoded equally.
+            hashed = hashlib.blake2b(image.data, digest_size=16).digest()
+            if hashed == previous:
+                report.duplicates += 1
+                if len(report.duplicates_at_s) < SHOWN:
+                    report.duplicates_at_s.append((stamp_ns - int(stamps_ns[chosen[0]])) * 1e-9)
+            if hashed == previous and drop_duplicates:
+                report.duplicates_left_out += 1
+            else:
+                log.write_image(stamp_ns, image.data, image.format)
+                kept.append(k)
+            previous = hashed
         if progress is not None:
             progress(len(kept), len(chosen))
     if not kept:
@@ -151,10 +148,14 @@ def _write_all(
     return kept
 
 
-def _read(path: Path) -> bytes | None:
+def _read(image: Picture, report: AssemblyReport) -> Encoded | None:
     try:
-        return path.read_bytes() if path.stat().st_size <= MAX_IMAGE_BYTES else None
-    except OSError:
+        return image.encoded()
+    except InputError as error:
+        reason = "image that could not be read"
+        report.dropped[reason] = report.dropped.get(reason, 0) + 1
+        if report.dropped[reason] <= SHOWN:
+            report.notes.append(error.message)
         return None
 
 

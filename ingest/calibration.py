@@ -1,4 +1,4 @@
-"""Calibration files: ROS camera_info YAML, KITTI's calib.txt, and where the camera sits on the vehicle."""
+"""Calibration files, told apart by what is in them, and where the camera sits on the vehicle."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from scpf.ingest import calibration_files
+from scpf.ingest.calibration_values import matrix, rigid, shown, whole
 from scpf.models.camera import R_BODY_OPTICAL, Camera, looking_ahead
 from scpf.models.errors import InputError, UsageError
 
@@ -16,32 +18,43 @@ Array = NDArray[np.float64]
 
 MAX_BYTES: Final = 1 << 20
 _KNOWN: Final = (
-    "known: ROS camera_info YAML (image_width, camera_matrix, …) and KITTI calib.txt (12 numbers a row)"
+    "known: ROS camera_info YAML, OpenCV FileStorage (YAML, XML), Kalibr camchain YAML, KITTI's calib.txt and "
+    "calib_cam_to_cam.txt"
 )
 
 
 def read_camera(path: Path, *, image_size_px: tuple[int, int] | None = None, row: int = 0) -> Camera:
     """The camera of a file; it looks ahead from the body's origin, or as the file's ``T_body_camera`` says.
 
-    ``image_size_px`` (width, height): needed for KITTI's files, which have none; checked against the others'.
-    ``row``: which projection of a KITTI file (0 = P0). Raises InputError for a file of no known kind.
+    ``image_size_px`` (width, height): needed where the file has none (KITTI's calib.txt, some of OpenCV's);
+    checked against the others'. ``row``: which camera of a file of several, from 0 (KITTI's P0, Kalibr's cam0).
+    Raises InputError for a file of no known kind.
     """
     text = _text(path)
+    if calibration_files.is_kitti_raw(text):
+        return _of_size(path, calibration_files.kitti_raw(str(path), text, image_size_px, row), image_size_px)
     first = text.lstrip().split("\n", 1)[0]
     numbers = first.split(":", 1)[-1].split()
     if len(numbers) == 12 and all(_is_number(word) for word in numbers):
         if image_size_px is None:
             raise InputError(f"{path} does not state the images' size", "give the images as well")
         return _kitti(path, text, image_size_px, row)
-    document = _yaml(path, text)
-    for key, reader in _READERS.items():
-        if key in document:
-            camera = reader(path, document)
-            if image_size_px not in (None, (camera.width_px, camera.height_px)):
-                size = f"{camera.width_px}×{camera.height_px}"
-                raise InputError(f"{path} is for images of {size} px, and these have {image_size_px} px")
-            return camera
+    if text.lstrip().startswith("<"):
+        document = calibration_files.opencv_xml(path, MAX_BYTES)
+    else:
+        document = _yaml(path, calibration_files.opencv_yaml(text))
+    for belongs, reader in _READERS:
+        if belongs(document):
+            return _of_size(path, reader(str(path), document, image_size_px, row), image_size_px)
     raise InputError(f"{path} is not a calibration of a known kind", _KNOWN)
+
+
+def _of_size(path: Path, camera: Camera, image_size_px: tuple[int, int] | None) -> Camera:
+    """The camera, after a check that it is for images of this size."""
+    if image_size_px not in (None, (camera.width_px, camera.height_px)):
+        size = f"{camera.width_px}×{camera.height_px}"
+        raise InputError(f"{path} is for images of {size} px, and these have {image_size_px} px")
+    return camera
 
 
 def read_mount(path: Path) -> Array:
@@ -60,17 +73,10 @@ def mount_of(document: dict[str, Any], place: str) -> Array:
 
     transform = looking_ahead()
     if "T_body_camera" in document:
-        transform = _matrix(document["T_body_camera"], (4, 4), f"{place}: T_body_camera")
-        rotation = transform[:3, :3]
-        off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-        if off > 1e-3 or np.linalg.det(rotation) < 0 or not np.allclose(transform[3], [0, 0, 0, 1]):
-            raise InputError(
-                f"{place}: T_body_camera is not a rotation and a translation (misses by {off:.2g})"
-            )
-        return transform
+        return rigid(document["T_body_camera"], f"{place}: T_body_camera")
     if "translation_m" not in document:
         raise InputError(f"{place} says neither T_body_camera nor translation_m", "see `scpf ingest --help`")
-    transform[:3, 3] = _matrix(document["translation_m"], (3,), f"{place}: translation_m")
+    transform[:3, 3] = matrix(document["translation_m"], (3,), f"{place}: translation_m")
     angles = [
         _number(document.get(name, 0.0), f"{place}: {name}") for name in ("yaw_deg", "pitch_deg", "roll_deg")
     ]
@@ -78,14 +84,14 @@ def mount_of(document: dict[str, Any], place: str) -> Array:
     return transform
 
 
-def to_yaml(camera: Camera) -> bytes:
-    """The camera as ROS camera_info YAML, with ``T_body_camera`` added: what a drive log attaches."""
+def to_yaml(camera: Camera, *, mounted: bool = True) -> bytes:
+    """The camera as ROS camera_info YAML: what a drive log attaches. ``mounted``: with ``T_body_camera``."""
     import yaml
 
     def block(values: Array, rows: int, cols: int) -> dict[str, Any]:
         return {"rows": rows, "cols": cols, "data": [float(value) for value in np.ravel(values)]}
 
-    document = {
+    document: dict[str, Any] = {
         "image_width": camera.width_px,
         "image_height": camera.height_px,
         "camera_name": "camera",
@@ -94,32 +100,37 @@ def to_yaml(camera: Camera) -> bytes:
         "distortion_coefficients": block(camera.distortion, 1, len(camera.distortion)),
         "rectification_matrix": block(np.eye(3), 3, 3),
         "projection_matrix": block(np.column_stack([camera.matrix, np.zeros(3)]), 3, 4),
-        "T_body_camera": [[float(value) for value in row] for row in camera.T_body_camera],
     }
+    if mounted:
+        document["T_body_camera"] = [[float(value) for value in row] for row in camera.T_body_camera]
     text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
     return text.encode()
 
 
-def _ros(path: Path, document: dict[str, Any]) -> Camera:
-    place = str(path)
+def _ros(place: str, document: dict[str, Any], image_size_px: tuple[int, int] | None, row: int) -> Camera:
     try:
-        size = (int(document["image_width"]), int(document["image_height"]))
-        matrix, coefficients = document["camera_matrix"]["data"], document["distortion_coefficients"]["data"]
-    except (KeyError, TypeError, ValueError) as error:
+        size = whole(document["image_width"], place), whole(document["image_height"], place)
+        values, coefficients = document["camera_matrix"]["data"], document["distortion_coefficients"]["data"]
+    except (KeyError, TypeError) as error:
         raise InputError(f"{place}: the camera_info lacks {error}", _KNOWN) from error
-    distortion = _matrix(coefficients, (-1,), f"{place}: distortion_coefficients")
+    distortion = matrix(coefficients, (-1,), f"{place}: distortion_coefficients")
     mount = mount_of(document, place) if "T_body_camera" in document else looking_ahead()
-    model = str(document.get("distortion_model", "plumb_bob"))
+    model = shown(document.get("distortion_model", "plumb_bob"))
     if not len(distortion):
         model, distortion = "plumb_bob", np.zeros(5)
     try:
-        return Camera(*size, _matrix(matrix, (3, 3), f"{place}: camera_matrix"), distortion, model, mount)
+        return Camera(*size, matrix(values, (3, 3), f"{place}: camera_matrix"), distortion, model, mount)
     except InputError as error:
         raise InputError(f"{place}: {error.message}", error.hint) from error
 
 
-_READERS: Final[dict[str, Callable[[Path, dict[str, Any]], Camera]]] = {"camera_matrix": _ros}
-"""How a YAML calibration is recognised, by a key of its first level."""
+_Reader = Callable[[str, dict[str, Any], tuple[int, int] | None, int], Camera]
+_READERS: Final[tuple[tuple[Callable[[dict[str, Any]], bool], _Reader], ...]] = (
+    (calibration_files.is_kalibr, calibration_files.kalibr),
+    (calibration_files.is_opencv, calibration_files.opencv),
+    (lambda document: "camera_matrix" in document, _ros),
+)
+"""How the kind of a document is recognised, and what reads it; the first that fits."""
 
 
 def _kitti(path: Path, text: str, image_size_px: tuple[int, int], row: int) -> Camera:
@@ -159,18 +170,8 @@ def _yaml(path: Path, text: str) -> dict[str, Any]:
     return document
 
 
-def _matrix(values: Any, shape: tuple[int, ...], place: str) -> Array:
-    try:
-        matrix = np.array(values, dtype=np.float64).reshape(shape)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{place} is not {'×'.join(map(str, shape))} numbers") from error
-    if not np.isfinite(matrix).all():
-        raise InputError(f"{place} holds a value that is not finite")
-    return matrix
-
-
 def _number(value: Any, place: str) -> float:
-    return float(_matrix([value], (1,), place)[0])
+    return float(matrix([value], (1,), place)[0])
 
 
 def _is_number(word: str) -> bool:

@@ -1,4 +1,4 @@
-"""``scpf ingest``, ``convert``, ``info`` and ``map from``: what happens before a replay."""
+"""``scpf ingest`` and ``info``: what happens before a replay."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from scpf.replay.ingest_reports import Counter, print_assembly, print_conversion, print_info
+from scpf.replay.ingest_reports import Counter, print_assembly, print_info
 
 
 def ingest(
@@ -17,8 +17,17 @@ def ingest(
     output: Annotated[Path, Parameter(alias="-o")],
     calibration: Path,
     timestamps: Path | None = None,
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None,
     rate: float | None = None,
+    times: Literal["names", "exif"] | None = None,
     start_time: str = "0",
+    clock_offset: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
+    bayer: Literal["rggb", "bggr", "grbg", "gbrg"] | None = None,
+    raw_size: str | None = None,
+    raw_bits: Literal[8, 10, 12, 14, 16] | None = None,
+    encode: Literal["png", "jpeg"] | None = None,
+    jpeg_quality: int = 95,
+    drop_duplicates: bool = False,
     trajectory: Path | None = None,
     trajectory_sigma_m: float | None = None,
     mount: Path | None = None,
@@ -32,7 +41,8 @@ def ingest(
 ) -> int:
     """Make a drive log of camera images, a calibration, and, where you have them, trajectory and map.
 
-    Times come from `--timestamps`, or from `--rate` and `--start-time`. Exit code 3: something was left out.
+    Times come from one of `--timestamps`, `--rate` and `--times`; a video has its own. JPEG and PNG files, and frames
+    of Motion-JPEG, are stored byte for byte. Exit code 3: something was left out; the report says what.
 
     Examples:
 
@@ -40,20 +50,46 @@ def ingest(
 
         scpf ingest image_0 -o kitti.mcap --calibration calib.txt --rate 10 --trajectory poses.txt --map poles.geojson
 
+        scpf ingest drive.mp4 -o drive.mcap --calibration camera.yaml --start-time "2022-08-18 18:33:53.703"
+
+        scpf ingest raw -o drive.mcap --calibration cam.yaml --times names --bayer rggb --raw-size 2048x1536
+
+        scpf ingest basler -o drive.mcap --calibration camera.yaml --rate 13 --start-time name
+
+        scpf ingest tiffs -o drive.mcap --calibration cam.yaml --timestamps t.csv --clock-offset 520123456789=1660847613
+
     Parameters
     ----------
     images
-        A folder of JPEG or PNG files, ordered by the numbers in their names.
+        A folder of JPEG, PNG, TIFF, PGM or raw (.raw, .bin) files, ordered by the numbers in their names, or a video.
     output
         The drive log to write (.mcap).
     calibration
-        ROS camera_info YAML, or KITTI's calib.txt.
+        ROS camera_info YAML, OpenCV (YAML, XML), Kalibr camchain, or KITTI's calib.txt or calib_cam_to_cam.txt.
     timestamps
-        One time a line (seconds, ns, or YYYY-MM-DD hh:mm:ss.fff), or a CSV of image and time.
+        One time a line (seconds, ns, or YYYY-MM-DD hh:mm:ss.fff), or a table of image (name or number) and time.
+    time_unit
+        Unit of plain numbers in that file, where its heading does not say it.
     rate
-        Images per second, where there is no file of times.
+        Images per second, where there is no file of times. Frames that the counters in the names lack keep their time.
+    times
+        `names`: each file's name holds its time (ns, or seconds.fraction); `exif`: DateTimeOriginal with SubSecTime.
     start_time
-        Time of the first image (UTC; seconds, ns, or a date), with --rate.
+        Time of the first image with --rate or a video: seconds, ns, a date in UTC, or `name` for Basler's names.
+    clock_offset
+        DEVICE=UTC, one moment by the camera's clock and in UTC, for times since power-on; or seconds to add.
+    bayer
+        The mosaic of raw, PNG, TIFF or PGM files: colours of the upper left 2×2 pixels.
+    raw_size
+        Width and height of raw files, such as 2048x1536.
+    raw_bits
+        Significant bits of a raw pixel: above 8, two bytes each, little-endian. The log holds the upper 8.
+    encode
+        How pixels that are no JPEG or PNG yet are stored. Default: png for files, jpeg for videos.
+    jpeg_quality
+        1 to 100, with jpeg.
+    drop_duplicates
+        Leave out images whose bytes repeat the one before; otherwise they are reported alone.
     trajectory
         Reference poses: TUM, or KITTI's 3×4 rows (those of the camera, one an image).
     trajectory_sigma_m
@@ -63,7 +99,7 @@ def ingest(
     map
         Road map, GeoJSON, in the frame of the trajectory.
     calib_row
-        Row of a KITTI calibration: 0 is the left grey camera.
+        Which camera of a calibration of several, from 0: KITTI's left grey one, Kalibr's cam0.
     start
         Leave out what comes before this many seconds.
     end
@@ -78,31 +114,30 @@ def ingest(
     from dataclasses import asdict, replace
 
     from scpf.ingest.assemble import assemble
+    from scpf.ingest.assembly_report import AssemblyReport
     from scpf.ingest.calibration import read_camera, read_mount
-    from scpf.ingest.images import list_images, parse_time, read_stamps, stamps_at_rate
+    from scpf.ingest.camera_files import Clock, time_pictures
+    from scpf.ingest.image_sources import open_source
     from scpf.ingest.maps import read_map
+    from scpf.ingest.pictures import Encoding
+    from scpf.ingest.raw_images import RawLayout, parse_size
     from scpf.ingest.trajectories import read_trajectory
-    from scpf.models.errors import UsageError
 
-    if (timestamps is None) == (rate is None):
-        raise UsageError("give either --timestamps or --rate", "scpf ingest --help")
-    files = list_images(images)
-    size_px = (files[0].width_px, files[0].height_px)
-    if timestamps is not None:
-        stamps_ns = read_stamps(timestamps, files)
-    else:
-        assert rate is not None
-        stamps_ns = stamps_at_rate(len(files), rate, parse_time(start_time, "--start-time"))
+    layout = RawLayout(bayer, raw_bits, None if raw_size is None else parse_size(raw_size))
+    source = open_source(images, layout, encode and Encoding(encode, jpeg_quality), jpeg_quality)
+    clock = Clock(timestamps, rate, times, start_time, time_unit, clock_offset)
+    timed, missing = time_pictures(source, clock)
+    size_px = (timed.pictures[0].width_px, timed.pictures[0].height_px)
     camera = read_camera(calibration, image_size_px=size_px, row=calib_row)
     if mount is not None:
         camera = replace(camera, T_body_camera=read_mount(mount))
     poses = None
     if trajectory is not None:
-        poses = read_trajectory(trajectory, stamps_ns=stamps_ns, T_body_camera=camera.T_body_camera)
+        poses = read_trajectory(trajectory, stamps_ns=timed.stamps_ns, T_body_camera=camera.T_body_camera)
     report = assemble(
         output,
-        files,
-        stamps_ns,
+        timed.pictures,
+        timed.stamps_ns,
         camera,
         trajectory=poses,
         position_variance_m2=None if trajectory_sigma_m is None else trajectory_sigma_m**2,
@@ -112,6 +147,14 @@ def ingest(
         sources=[
             path for path in (images, calibration, timestamps, trajectory, mount, map) if path is not None
         ],
+        found=AssemblyReport(
+            str(output),
+            frames_missing=missing,
+            encoding=source.encoding,
+            dropped=timed.dropped,
+            notes=timed.notes,
+        ),
+        drop_duplicates=drop_duplicates,
         overwrite=overwrite,
         progress=None if quiet else Counter("images"),
     )
@@ -119,67 +162,6 @@ def ingest(
         print(json.dumps({**asdict(report), "lossless": report.lossless}, indent=1))
     else:
         print_assembly(report)
-    return 0 if report.lossless else 3
-
-
-def convert(
-    inputs: list[Path],
-    *,
-    output: Annotated[Path, Parameter(alias="-o")],
-    include: Annotated[list[str] | None, Parameter(alias="-t", consume_multiple=False)] = None,
-    exclude: Annotated[list[str] | None, Parameter(alias="-x", consume_multiple=False)] = None,
-    start: float | None = None,
-    end: float | None = None,
-    overwrite: bool = False,
-    quiet: Annotated[bool, Parameter(alias="-q")] = False,
-    format: Literal["text", "json"] = "text",
-) -> int:
-    """Convert ROS bags to one MCAP file of ROS 2 messages: ROS 1 bags, rosbag2 folders, .db3 and .mcap files.
-
-    Several inputs are merged by time. A topic that cannot be converted is left out and named; exit code 3.
-
-    Examples:
-
-        scpf convert drive.bag -o drive.mcap
-
-        scpf convert part1.bag part2.bag -o drive.mcap -t "/camera/*" -t "/ins/*" --start 10 --end 70
-
-    Parameters
-    ----------
-    inputs
-        Recordings.
-    output
-        The MCAP file to write.
-    include
-        Only topics that match this glob; may be given several times.
-    exclude
-        No topic that matches this glob; may be given several times.
-    start
-        Leave out what comes before this many seconds after the first message.
-    end
-        Leave out what comes after this many seconds.
-    overwrite
-        Replace an existing output.
-    quiet
-        No progress.
-    format
-        Form of the report on stdout.
-    """
-    from dataclasses import asdict
-
-    from scpf.ingest.bags import convert as convert_bags
-
-    progress = None if quiet else Counter("messages")
-    report = convert_bags(
-        inputs, output, include=include or (), exclude=exclude or (), start_s=start, end_s=end,
-        overwrite=overwrite, progress=progress,
-    )  # fmt: skip
-    if format == "json":
-        print(
-            json.dumps({**asdict(report), "messages": report.messages, "lossless": report.lossless}, indent=1)
-        )
-    else:
-        print_conversion(report)
     return 0 if report.lossless else 3
 
 
@@ -218,88 +200,3 @@ def info(
     else:
         print_info(found)
     return 3 if found.findings else 0
-
-
-def map_from_points(
-    points: Path,
-    *,
-    output: Annotated[Path, Parameter(alias="-o")],
-    rotate_deg: float = 0.0,
-    offset_m: tuple[float, float] = (0.0, 0.0),
-    log: Path | None = None,
-    road_offset_m: float = 0.0,
-    half_width_m: float = 4.0,
-    within_m: float | None = None,
-    select: Annotated[list[str] | None, Parameter(consume_multiple=False)] = None,
-    exclude: Annotated[list[str] | None, Parameter(consume_multiple=False)] = None,
-    key: str | None = None,
-    attribution: str = "",
-    overwrite: bool = False,
-) -> int:
-    """Make a road map of landmark points; the trajectory of a log becomes the road's centre line.
-
-    Examples:
-
-        scpf map from poles.csv -o map.geojson --log drive.mcap --road-offset-m 1.75
-
-        scpf map from poles.npz -o map.geojson --rotate-deg 1.0 --offset-m -0.53 -0.23 --select 0,2,25 --log kitti.mcap
-
-    Parameters
-    ----------
-    points
-        CSV with columns id, x, y, and perhaps z, class; or .npz with an array of N×2. Metres, frame `map`.
-    output
-        The map to write (.geojson).
-    rotate_deg
-        Turn the points about the origin first, counter-clockwise.
-    offset_m
-        Then move them by x and y.
-    log
-        Drive log whose reference trajectory gives the centre line.
-    road_offset_m
-        How far the centre line lies to the left of the trajectory.
-    half_width_m
-        Half the width of the road.
-    within_m
-        Keep the points that are this near to the trajectory.
-    select
-        Only these ids, separated by commas; may be given several times.
-    exclude
-        Not these ids, likewise.
-    key
-        The array of an .npz that holds several.
-    attribution
-        Whose data these are; kept in the map.
-    overwrite
-        Replace an existing output.
-    """
-    from scpf.ingest.drive_log import DriveLog
-    from scpf.ingest.maps import points_map, read_points, write_map
-    from scpf.models.errors import MissingError, UsageError
-
-    trajectory = None
-    if log is not None:
-        with DriveLog(log) as opened:
-            trajectory = opened.trajectory()
-        if trajectory is None:
-            raise MissingError(f"{log} holds no reference trajectory", "ingest it with --trajectory")
-    elif within_m is not None:
-        raise UsageError("--within-m needs a trajectory", "give --log as well")
-    found = read_points(points, key)
-    road_map = points_map(
-        found, rotate_deg=rotate_deg, offset_m=offset_m, trajectory=trajectory, road_offset_m=road_offset_m,
-        half_width_m=half_width_m, within_m=within_m, select=_ids(select), exclude=_ids(exclude),
-        attribution=attribution,
-    )  # fmt: skip
-    write_map(output, road_map, overwrite=overwrite)
-    line = (
-        f"centre line of {len(road_map.centre_line_m)} points"
-        if len(road_map.centre_line_m)
-        else "no centre line"
-    )
-    print(f"{output}: {len(road_map.landmarks)} of {len(found)} points, {line}")
-    return 0
-
-
-def _ids(values: list[str] | None) -> set[str]:
-    return {part.strip() for value in values or () for part in value.split(",") if part.strip()}

@@ -1,4 +1,4 @@
-"""What ``scpf ingest``, ``convert`` and ``info`` print: reports on stdout, a counter on stderr."""
+"""What ``scpf ingest`` and ``info`` print: reports on stdout, a counter on stderr."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scpf.ingest.assemble import AssemblyReport
-    from scpf.ingest.bags import ConversionReport
+    from scpf.ingest.assembly_report import AssemblyReport
     from scpf.ingest.inspect import LogInfo
 
 MAX_SHOWN = 200
@@ -52,24 +51,19 @@ def print_assembly(report: AssemblyReport) -> None:
         print(f"  gap         {length_s:.3f} s after {at_s:.3f} s")
     if len(report.gaps) > 10:
         print(f"  gap         {len(report.gaps) - 10} more")
+    if report.encoding:
+        print(f"  encoded     as {report.encoding}")
+    if report.frames_missing:
+        print(f"  missing     {report.frames_missing} frames by the counters in the names")
+    if report.duplicates:
+        at = ", ".join(f"{at_s:.3f}" for at_s in report.duplicates_at_s)
+        more = ", …" if report.duplicates > len(report.duplicates_at_s) else ""
+        done = f"{report.duplicates_left_out} left out as asked" if report.duplicates_left_out else "kept"
+        print(f"  duplicates  {report.duplicates} images repeat the one before ({done}), at {at}{more} s")
+    for note in report.notes:
+        print(f"  note        {plain(note)}")
     for reason, count in report.dropped.items():
         print(f"  dropped     {count} × {reason}")
-
-
-def print_conversion(report: ConversionReport) -> None:
-    """The report of a conversion, topic by topic."""
-    print(f"{report.path}: {report.messages} messages")
-    width = max((len(plain(topic)) for topic in report.topics), default=0)
-    for topic in report.topics.values():
-        print(
-            f"  {plain(topic.topic):{width}}  {topic.written:8d} of {topic.counted:<8d}  {plain(topic.type)}"
-        )
-        if topic.problem:
-            print(f"  {'':{width}}  lost: {plain(topic.problem)}")
-    if report.left_out:
-        print(f"  left out as asked: {plain(', '.join(report.left_out))}")
-    for note in report.notes:
-        print(f"  note: {plain(note)}")
 
 
 def print_info(info: LogInfo) -> None:

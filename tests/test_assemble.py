@@ -12,17 +12,20 @@ from PIL import Image
 
 from scpf.ingest.assemble import assemble, sha256
 from scpf.ingest.drive_log import CALIBRATION_ATTACHMENT, DriveLog
-from scpf.ingest.images import list_images, stamps_at_rate
-from scpf.ingest.maps import points_map
+from scpf.ingest.images import list_images
 from scpf.models.camera import Camera
 from scpf.models.errors import InputError
 from scpf.models.geodesy import Origin
 from scpf.models.road_map import Landmark, RoadMap
 from scpf.models.trajectory import Trajectory
-from scpf.replay import ingest_commands
+from scpf.replay import ingest_commands, map_commands
 
 T0 = 1_660_847_613_000_000_000
 CAMERA = Camera(32, 24, np.array([[30.0, 0, 16], [0, 30, 12], [0, 0, 1]]))
+
+
+def stamps_at_rate(count: int, rate_hz: float, start_ns: int) -> np.ndarray:
+    return start_ns + np.round(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
 
 
 @pytest.fixture
@@ -43,8 +46,8 @@ def test_a_whole_drive(tmp_path: Path, folder: Path) -> None:
     images = list_images(folder)
     stamps = stamps_at_rate(20, 10.0, T0)
     stamps[12:] += 300_000_000
-    road = points_map([Landmark("p", (5.0, 2.0, 0.0))], trajectory=a_drive())
-    road = RoadMap(road.landmarks, road.centre_line_m, origin=Origin(43.0, -80.0, 300.0))
+    mark, line = Landmark("p", (5.0, 2.0, 0.0)), a_drive().positions_m[:, :2]
+    road = RoadMap((mark,), line, origin=Origin(43.0, -80.0, 300.0))
     output = tmp_path / "drive.mcap"
     report = assemble(
         output, images, stamps, CAMERA,
@@ -81,7 +84,20 @@ def test_an_image_that_vanished_is_counted(tmp_path: Path, folder: Path) -> None
     report = assemble(tmp_path / "a.mcap", images, stamps_at_rate(20, 10.0, T0), CAMERA)
     assert not report.lossless
     assert report.dropped == {"image that could not be read": 1}
+    assert "3.png" in report.notes[0]
     assert (report.frames, report.frames_without_pose) == (19, 19)
+
+
+def test_repeated_frames_are_counted_and_left_out_if_asked(tmp_path: Path, folder: Path) -> None:
+    for k in (8, 9, 15):
+        (folder / f"{k}.png").write_bytes((folder / f"{k - 1}.png").read_bytes())
+    stamps = stamps_at_rate(20, 10.0, T0)
+    report = assemble(tmp_path / "a.mcap", list_images(folder), stamps, CAMERA)
+    assert (report.frames, report.duplicates, report.duplicates_left_out, report.lossless) == (20, 3, 0, True)
+    assert report.duplicates_at_s == pytest.approx([0.8, 0.9, 1.5])
+    report = assemble(tmp_path / "b.mcap", list_images(folder), stamps, CAMERA, drop_duplicates=True)
+    assert (report.frames, report.duplicates, report.duplicates_left_out) == (17, 3, 3)
+    assert [gap[1] for gap in report.gaps] == pytest.approx([0.3, 0.2])
 
 
 def test_a_part_of_the_drive(tmp_path: Path, folder: Path) -> None:
@@ -127,7 +143,7 @@ def test_the_command_on_kitti_06(
     assert code == 0
     report = json.loads(capsys.readouterr().out)
     assert (report["frames"], report["poses"], report["dropped"]) == (51, 51, {})
-    code = ingest_commands.map_from_points(
+    code = map_commands.map_from(
         data / "poles.npz", output=tmp_path / "map.geojson", rotate_deg=1.0, select=["0,2", "25"], log=output
     )
     assert code == 0

@@ -96,7 +96,7 @@ def test_mounts_that_are_none(tmp_path: Path, text: str, what: str) -> None:
         ("a: 1\n", "known kind"),
         ("[1, 2", "not YAML"),
         ("!!python/object/apply:os.getcwd []\n", "not YAML"),
-        ("camera_matrix: 3\n", "lacks"),
+        ("camera_matrix: 3\n", "3×3"),
         (ROS.replace("731", "-731"), "focal"),
         (ROS.replace("plumb_bob", "wide"), "wide"),
         (ROS.replace("731", "x"), "camera_matrix"),

@@ -1,18 +1,17 @@
-"""Image folders: order, sizes, and the times that belong to them."""
+"""Image folders: order, sizes, and times as people write them."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from scpf.ingest.images import list_images, parse_time, read_stamps, stamps_at_rate
-from scpf.models.errors import InputError, UsageError
+from scpf.ingest.images import list_images, parse_time
+from scpf.models.errors import InputError
 
 
 def folder_of(tmp_path: Path, names: list[str], size: tuple[int, int] = (8, 6)) -> Path:
@@ -71,12 +70,14 @@ def test_times_are_exact(text: str, stamp_ns: int) -> None:
     assert parse_time(text, "here") == stamp_ns
 
 
-@given(st.integers(0, 99_999_999_999), st.integers(0, 999_999_999))
+@given(st.integers(0, 9_223_372_035), st.integers(0, 999_999_999))
 def test_no_time_passes_through_a_float(seconds: int, nanoseconds: int) -> None:
     assert parse_time(f"{seconds}.{nanoseconds:09d}", "") == seconds * 10**9 + nanoseconds
 
 
-@pytest.mark.parametrize("text", ["", "noon", "2011-13-26 13:02:25", "1e999", "nan", "1" * 5000, "١٢"])
+@pytest.mark.parametrize(
+    "text", ["", "noon", "2011-13-26 13:02:25", "1e999", "nan", "1" * 5000, "9" * 19, "9" * 11, "١٢"]
+)
 def test_what_is_no_time_names_its_place(text: str) -> None:
     started = time.monotonic()
     if text == "١٢":  # digits of another script are digits
@@ -87,66 +88,7 @@ def test_what_is_no_time_names_its_place(text: str) -> None:
     assert time.monotonic() - started < 1.0
 
 
-NAMES = ["1.png", "2.png", "3.png"]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "10\n10.5\n11\n",
-        "# times\n10\n\n10.5\n11",
-        "image,timestamp\n1.png,10\n2.png,10.5\n3.png,11\n",
-        "3.png,11\n1.png,10\n2.png,10.5\n",
-        "0;10\n1;10.5\n2;11\n".replace("0;", "1;")
-        .replace("\n1;10.5", "\n2;10.5")
-        .replace("\n2;11", "\n3;11"),
-    ],
-)
-def test_times_belong_to_images(tmp_path: Path, text: str) -> None:
-    images = list_images(folder_of(tmp_path, NAMES))
-    path = tmp_path / "times"
-    path.write_text(text)
-    np.testing.assert_array_equal(read_stamps(path, images), [10 * 10**9, 10_500_000_000, 11 * 10**9])
-
-
-@pytest.mark.parametrize(
-    ("text", "what"),
-    [
-        ("10\n11\n", "2 times for 3 images"),
-        ("10\n12\n11\n", r"3\.png has an earlier time than 2\.png"),
-        ("10\n10\n11\n", r"2\.png has the same time as 1\.png"),
-        ("10\nx\n11\n", "times:2"),
-        ("1.png,10\n2.png,11\n", r"no time for 1 of 3 images, such as 3\.png"),
-        ("1.png,10\n2.png,11\n3.png,12\n4.png,13\n", r"times:4: no image '4\.png'"),
-        ("1.png,10\n1.png,11\n3.png,12\n", "second time"),
-        ("1.png,10\n2.png,x\n3.png,12\n", "times:2"),
-    ],
-)
-def test_times_that_do_not_fit_are_refused(tmp_path: Path, text: str, what: str) -> None:
-    images = list_images(folder_of(tmp_path, NAMES))
-    path = tmp_path / "times"
-    path.write_text(text)
-    with pytest.raises(InputError, match=what):
-        read_stamps(path, images)
-
-
-def test_a_rate_makes_times_without_drift() -> None:
-    stamps = stamps_at_rate(13 * 3600, 13.0, 5)
-    assert stamps[0] == 5
-    assert stamps[13 * 1000] == 5 + 1000 * 10**9
-    for rate in (0.0, -1.0, float("nan")):
-        with pytest.raises(UsageError):
-            stamps_at_rate(3, rate, 0)
-
-
-def test_kitti_raw(tmp_path: Path, shared_data: Path) -> None:
-    folder = shared_data / "kitti_raw_0002" / "image_02"
-    images = list_images(folder / "data")
+def test_kitti_raw(shared_data: Path) -> None:
+    images = list_images(shared_data / "kitti_raw_0002" / "image_02" / "data")
     assert [image.path.stem for image in images] == [f"{k:010d}" for k in range(10)]
-    with pytest.raises(InputError, match="77 times for 10 images"):
-        read_stamps(folder / "timestamps.txt", images)
-    lines = (
-        (folder / "timestamps.txt").read_text().splitlines()[:10]
-    )  # the folder here is the drive's beginning
-    (tmp_path / "times").write_text("\n".join(lines))
-    np.testing.assert_allclose(np.diff(read_stamps(tmp_path / "times", images)) * 1e-9, 0.1, atol=0.01)
+    assert images[3].encoded() == (images[3].path.read_bytes(), "png")
