@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import heapq
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +24,7 @@ from scpf.ingest.drive_log import (
 )
 from scpf.ingest.maps import encode_map
 from scpf.ingest.pictures import Encoded, Picture
+from scpf.ingest.reference import Reference
 from scpf.models.camera import Camera
 from scpf.models.errors import InputError
 from scpf.models.geodesy import Origin
@@ -30,6 +32,8 @@ from scpf.models.road_map import RoadMap
 from scpf.models.trajectory import MAX_GAP_NS, Trajectory
 
 Stamps = NDArray[np.int64]
+Event = int | Callable[[], None]
+"""Index of an image, or what writes a message of the reference."""
 
 GAP_FACTOR: Final = 1.5
 """An interval this many times the median one is a gap: a frame or more is missing."""
@@ -41,8 +45,7 @@ def assemble(
     stamps_ns: Stamps,
     camera: Camera,
     *,
-    trajectory: Trajectory | None = None,
-    position_variance_m2: float | None = None,
+    reference: Reference | None = None,
     road_map: RoadMap | None = None,
     start_s: float | None = None,
     end_s: float | None = None,
@@ -76,10 +79,12 @@ def assemble(
             f"no image lies between {start_s} and {end_s} s", f"the drive lasts {_span(stamps_ns):.3f} s"
         )
     report = found or AssemblyReport(str(output))
-    if trajectory is not None:
-        report.overlap_s = _overlap_s(stamps_ns[chosen], trajectory)
+    if reference is not None:
+        report.overlap_s = _overlap_s(stamps_ns[chosen], reference.trajectory)
 
     origin = road_map.origin if road_map is not None else None
+    if origin is None and reference is not None:
+        origin = reference.origin
     with DriveLogWriter(output, overwrite=overwrite, origin=origin) as log:
         log.write_camera(int(stamps_ns[chosen[0]]), camera)
         _attach(log, camera, road_map, report)
@@ -88,14 +93,35 @@ def assemble(
             images,
             stamps_ns,
             chosen,
-            trajectory,
-            position_variance_m2,
+            reference,
             report,
             drop_duplicates,
             progress,
         )
-        _describe(report, stamps_ns[kept], trajectory)
+        _describe(report, stamps_ns[kept], reference.trajectory if reference is not None else None)
         log.metadata(SCPF_METADATA, _provenance(report, sources, origin))
+    return report
+
+
+def assemble_reference(
+    output: Path,
+    reference: Reference,
+    *,
+    road_map: RoadMap | None = None,
+    sources: Sequence[Path] = (),
+    found: AssemblyReport | None = None,
+    overwrite: bool = False,
+) -> AssemblyReport:
+    """Write a drive log without images: the whole reference, and the map where there is one."""
+    report = found or AssemblyReport(str(output))
+    stamps = reference.trajectory.stamps_ns
+    with DriveLogWriter(output, overwrite=overwrite, origin=reference.origin) as log:
+        if road_map is not None:
+            _attach_map(log, road_map, report)
+        for _, write in reference.writes(log, int(stamps[0]), int(stamps[-1])):
+            write()
+        report.poses, report.duration_s = len(stamps), _span(stamps)
+        log.metadata(SCPF_METADATA, _provenance(report, sources, reference.origin))
     return report
 
 
@@ -104,29 +130,29 @@ def _write_all(
     images: Sequence[Picture],
     stamps_ns: Stamps,
     chosen: list[int],
-    trajectory: Trajectory | None,
-    position_variance_m2: float | None,
+    reference: Reference | None,
     report: AssemblyReport,
     drop_duplicates: bool,
     progress: Callable[[int, int], None] | None,
 ) -> list[int]:
-    """Write images and poses in the order of their times; returns the images that were written."""
-    poses = trajectory.poses() if trajectory is not None else np.zeros((0, 4, 4))
-    pose_stamps = trajectory.stamps_ns if trajectory is not None else np.zeros(0, dtype=np.int64)
+    """Write images and reference in the order of their times; returns the images that were written."""
+    first_ns, last_ns = int(stamps_ns[chosen[0]]), int(stamps_ns[chosen[-1]])
     # A margin, so that the first and the last image still lie between two poses.
-    near = (pose_stamps >= stamps_ns[chosen[0]] - MAX_GAP_NS) & (
-        pose_stamps <= stamps_ns[chosen[-1]] + MAX_GAP_NS
-    )
-    report.poses_left_out = int(len(near) - near.sum())
-    events = [(int(pose_stamps[k]), 0, int(k)) for k in np.flatnonzero(near)]
-    events += [(int(stamps_ns[k]), 1, k) for k in chosen]
+    low, high = first_ns - MAX_GAP_NS, last_ns + MAX_GAP_NS
+    beside: Iterator[tuple[int, Event]] = iter(())
+    if reference is not None:
+        beside = reference.writes(log, low, high)
+        within = (reference.trajectory.stamps_ns >= low) & (reference.trajectory.stamps_ns <= high)
+        report.poses = int(within.sum())
+        report.poses_left_out = len(within) - report.poses
     kept: list[int] = []
     previous = b""
-    for stamp_ns, is_image, k in sorted(events):
-        if not is_image:
-            log.write_pose(stamp_ns, poses[k], position_variance_m2)
-            report.poses += 1
+    pictures: Iterator[tuple[int, Event]] = ((int(stamps_ns[k]), k) for k in chosen)
+    for stamp_ns, event in heapq.merge(beside, pictures, key=lambda event: event[0]):
+        if not isinstance(event, int):
+            event()
             continue
+        k = event
         image = _read(images[k], report)
         if image is not None:
             # The bytes say it for decoded pixels, too: equal pixels are encoded equally.
@@ -162,8 +188,12 @@ def _read(image: Picture, report: AssemblyReport) -> Encoded | None:
 def _attach(log: DriveLogWriter, camera: Camera, road_map: RoadMap | None, report: AssemblyReport) -> None:
     log.attach(CALIBRATION_ATTACHMENT, "application/yaml", to_yaml(camera))
     if road_map is not None:
-        log.attach(MAP_ATTACHMENT, "application/geo+json", encode_map(road_map))
-        report.landmarks = len(road_map.landmarks)
+        _attach_map(log, road_map, report)
+
+
+def _attach_map(log: DriveLogWriter, road_map: RoadMap, report: AssemblyReport) -> None:
+    log.attach(MAP_ATTACHMENT, "application/geo+json", encode_map(road_map))
+    report.landmarks = len(road_map.landmarks)
 
 
 def _describe(report: AssemblyReport, stamps_ns: Stamps, trajectory: Trajectory | None) -> None:

@@ -39,6 +39,15 @@ float32 visible_fraction
 std_msgs/Header header
 scpf_msgs/Instance[] instances
 """,
+    "scpf_msgs/msg/ApplanixNavigation": """\
+# A record as its format has it: its kind (sbet, gsof_49 …), its fields in their order; text is an NMEA sentence.
+std_msgs/Header header
+string record
+string[] names
+string[] units
+float64[] values
+string text
+""",
 }
 """Our own message types. ``mask_runs`` counts pixels column by column, background first."""
 

@@ -16,23 +16,18 @@ from numpy.typing import NDArray
 
 from scpf.ingest.messages import make, to_header, to_pose
 from scpf.ingest.navigation import CHUNK, NativeTable, Navigation, ecef_from_enu
-from scpf.ingest.topics import INS_FIX_TOPIC, INS_ODOMETRY_TOPIC, INS_POSE_TOPIC
+from scpf.ingest.topics import (
+    INS_FIX_TOPIC,
+    INS_IMU_TOPIC,
+    INS_NATIVE_TOPIC,
+    INS_ODOMETRY_TOPIC,
+    INS_POSE_TOPIC,
+)
 from scpf.models.geodesy import R_FLU_FRD, Origin
 
 Array = NDArray[np.float64]
 
-INS_IMU_TOPIC: Final = "/ins/imu"
-INS_NATIVE_TOPIC: Final = "/ins/native"
 NATIVE_TYPE: Final = "scpf_msgs/msg/ApplanixNavigation"
-NATIVE_DEFINITION: Final = """\
-std_msgs/Header header
-string record
-string[] names
-string[] units
-float64[] values
-string text
-"""
-"""A record as its format has it: ``record`` is its kind (``sbet``, ``gsof_49`` …), ``text`` an NMEA sentence."""
 GRAVITY_MPS2: Final = 9.80665
 
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from scpf.replay.ingest_reports import Counter, print_assembly, print_info
+from scpf.replay.ingest_reports import Counter, finish_assembly, print_info
 
 
 def ingest(
-    images: Path,
+    images: Path | None = None,
     *,
     output: Annotated[Path, Parameter(alias="-o")],
-    calibration: Path,
+    calibration: Path | None = None,
     timestamps: Path | None = None,
     time_unit: Literal["s", "ms", "us", "ns"] | None = None,
     rate: float | None = None,
@@ -30,6 +31,13 @@ def ingest(
     drop_duplicates: bool = False,
     trajectory: Path | None = None,
     trajectory_sigma_m: float | None = None,
+    gps_week: int | None = None,
+    gps_date: date | None = None,
+    leap_seconds: int | None = None,
+    utm_zone: str | None = None,
+    poses_of: Literal["camera", "body", "applanix"] | None = None,
+    smrmsg: Path | None = None,
+    log_format: Literal["grp", "gsof", "nmea", "boreas", "pospac", "sbet"] | None = None,
     mount: Path | None = None,
     map: Path | None = None,
     calib_row: int = 0,
@@ -54,6 +62,11 @@ def ingest(
 
         scpf ingest raw -o drive.mcap --calibration cam.yaml --times names --bayer rggb --raw-size 2048x1536
 
+        scpf ingest images -o drive.mcap --calibration cam.yaml --rate 13 --start-time name --trajectory sbet.out \
+            --gps-date 2022-08-18 --smrmsg smrmsg.out --map campus.geojson
+
+        scpf ingest -o reference.mcap --trajectory capture.pcap
+
         scpf ingest basler -o drive.mcap --calibration camera.yaml --rate 13 --start-time name
 
         scpf ingest tiffs -o drive.mcap --calibration cam.yaml --timestamps t.csv --clock-offset 520123456789=1660847613
@@ -62,6 +75,7 @@ def ingest(
     ----------
     images
         A folder of JPEG, PNG, TIFF, PGM or raw (.raw, .bin) files, ordered by the numbers in their names, or a video.
+        Without images, the reference alone becomes a log.
     output
         The drive log to write (.mcap).
     calibration
@@ -91,9 +105,25 @@ def ingest(
     drop_duplicates
         Leave out images whose bytes repeat the one before; otherwise they are reported alone.
     trajectory
-        Reference poses: TUM, or KITTI's 3×4 rows (those of the camera, one an image).
+        Reference: an Applanix log (SBET, GSOF, $GRP, NMEA, POSPac or Boreas text, as bytes or in a network capture),
+        or poses: TUM, EuRoC, KITTI raw's oxts folder, or KITTI's 3×4 rows (those of the camera, one an image).
+        Recognised by content; the report says as what.
     trajectory_sigma_m
         Standard deviation of the reference position, m; unknown if not given.
+    gps_week
+        GPS week of the first record, for formats that carry the time of week only.
+    gps_date
+        Or its UTC date, YYYY-MM-DD.
+    leap_seconds
+        GPS − UTC; by default the stream's own, or the table's for the date.
+    utm_zone
+        Zone of eastings and northings, such as 17N.
+    poses_of
+        Whose poses a CSV in Boreas' style holds.
+    smrmsg
+        Accuracies that belong to an SBET.
+    log_format
+        Read the trajectory as this format, whatever it looks like.
     mount
         YAML with T_body_camera, or translation_m, roll_deg, pitch_deg, yaw_deg. Default: ahead from the origin.
     map
@@ -111,9 +141,9 @@ def ingest(
     format
         Form of the report on stdout.
     """
-    from dataclasses import asdict, replace
+    from dataclasses import replace
 
-    from scpf.ingest.assemble import assemble
+    from scpf.ingest.assemble import assemble, assemble_reference
     from scpf.ingest.assembly_report import AssemblyReport
     from scpf.ingest.calibration import read_camera, read_mount
     from scpf.ingest.camera_files import Clock, time_pictures
@@ -121,7 +151,33 @@ def ingest(
     from scpf.ingest.maps import read_map
     from scpf.ingest.pictures import Encoding
     from scpf.ingest.raw_images import RawLayout, parse_size
+    from scpf.ingest.read_report import ReadOptions
+    from scpf.ingest.reference import NavigationReference, PoseReference, open_applanix
     from scpf.ingest.trajectories import read_trajectory
+    from scpf.models.errors import UsageError
+
+    if images is None and trajectory is None:
+        raise UsageError("neither images nor a --trajectory: nothing to make a log of")
+    if images is not None and calibration is None:
+        raise UsageError(
+            "images without a --calibration", "`scpf calibrate` makes one of chessboard pictures"
+        )
+    road_map = read_map(map) if map is not None else None
+    options = ReadOptions(gps_week, gps_date, leap_seconds, utm_zone, smrmsg, poses_of)
+    reference: NavigationReference | PoseReference | None = None
+    if trajectory is not None:
+        reference = open_applanix(trajectory, options, road_map, log_format)
+    given = (images, calibration, timestamps, trajectory, smrmsg, mount, map)
+    sources = [path for path in given if path is not None]
+    variance_m2 = None if trajectory_sigma_m is None else trajectory_sigma_m**2
+    if images is None or calibration is None:
+        assert trajectory is not None
+        if reference is None:
+            reference = PoseReference(read_trajectory(trajectory), variance_m2)
+        report = assemble_reference(
+            output, reference, road_map=road_map, sources=sources, overwrite=overwrite
+        )
+        return finish_assembly(report, reference, format)
 
     layout = RawLayout(bayer, raw_bits, None if raw_size is None else parse_size(raw_size))
     source = open_source(images, layout, encode and Encoding(encode, jpeg_quality), jpeg_quality)
@@ -131,22 +187,19 @@ def ingest(
     camera = read_camera(calibration, image_size_px=size_px, row=calib_row)
     if mount is not None:
         camera = replace(camera, T_body_camera=read_mount(mount))
-    poses = None
-    if trajectory is not None:
+    if trajectory is not None and reference is None:
         poses = read_trajectory(trajectory, stamps_ns=timed.stamps_ns, T_body_camera=camera.T_body_camera)
+        reference = PoseReference(poses, variance_m2)
     report = assemble(
         output,
         timed.pictures,
         timed.stamps_ns,
         camera,
-        trajectory=poses,
-        position_variance_m2=None if trajectory_sigma_m is None else trajectory_sigma_m**2,
-        road_map=read_map(map) if map is not None else None,
+        reference=reference,
+        road_map=road_map,
         start_s=start,
         end_s=end,
-        sources=[
-            path for path in (images, calibration, timestamps, trajectory, mount, map) if path is not None
-        ],
+        sources=sources,
         found=AssemblyReport(
             str(output),
             frames_missing=missing,
@@ -158,11 +211,7 @@ def ingest(
         overwrite=overwrite,
         progress=None if quiet else Counter("images"),
     )
-    if format == "json":
-        print(json.dumps({**asdict(report), "lossless": report.lossless}, indent=1))
-    else:
-        print_assembly(report)
-    return 0 if report.lossless else 3
+    return finish_assembly(report, reference, format)
 
 
 def info(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import sys
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from scpf.ingest.assembly_report import AssemblyReport
     from scpf.ingest.inspect import LogInfo
+    from scpf.ingest.read_report import ReadReport
+    from scpf.ingest.reference import Reference
 
 MAX_SHOWN = 200
 """Characters shown of a name that comes out of a file."""
@@ -37,11 +41,42 @@ class Counter:
             print(f"\r{done} of {total} {self._what}", end=end, file=sys.stderr, flush=True)
 
 
+def finish_assembly(report: AssemblyReport, reference: Reference | None, format: str) -> int:
+    """Print the report of a new drive log, and of its reference; returns the exit code."""
+    log = None if reference is None else reference.report
+    lossless = report.lossless and (log is None or log.lossless)
+    if format == "json":
+        told = {**asdict(report), "reference": None if log is None else asdict(log), "lossless": lossless}
+        print(json.dumps(told, indent=1, default=str))
+    else:
+        print_assembly(report)
+        if log is not None:
+            print_reading(log)
+    return 0 if lossless else 3
+
+
+def print_reading(report: ReadReport) -> None:
+    """What a reference log held, and what could not be read of it."""
+    print(f"  {report.format:<11} {report.records} records, {report.rows} poses, {report.total_bytes} bytes")
+    if report.skipped_bytes or report.bad_checksums:
+        print(f"  damaged     {report.skipped_bytes} bytes skipped, {report.bad_checksums} bad checksums")
+    for reason, count in report.dropped.items():
+        print(f"  left out    {count}: {plain(reason)}")
+    if report.undecoded:
+        kinds = ", ".join(sorted(report.undecoded))
+        print(f"  not decoded {sum(report.undecoded.values())} messages of other kinds: {plain(kinds)}")
+    for note in report.notes:
+        print(f"  note        {plain(note)}")
+
+
 def print_assembly(report: AssemblyReport) -> None:
     """The report of a new drive log."""
     rate = f"{1 / report.median_interval_s:.2f} Hz" if report.median_interval_s else "one image"
-    print(f"{report.path}: {report.frames} images in {report.duration_s:.3f} s ({rate})")
-    print(f"  reference   {report.poses} poses, {report.overlap_s:.3f} s together with the images")
+    if report.frames:
+        print(f"{report.path}: {report.frames} images in {report.duration_s:.3f} s ({rate})")
+        print(f"  reference   {report.poses} poses, {report.overlap_s:.3f} s together with the images")
+    else:
+        print(f"{report.path}: no images; {report.poses} reference poses in {report.duration_s:.3f} s")
     if report.poses_left_out:
         print(f"              {report.poses_left_out} poses before or after the images left out")
     if report.frames_without_pose:

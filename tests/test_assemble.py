@@ -13,6 +13,7 @@ from PIL import Image
 from scpf.ingest.assemble import assemble, sha256
 from scpf.ingest.drive_log import CALIBRATION_ATTACHMENT, DriveLog
 from scpf.ingest.images import list_images
+from scpf.ingest.reference import PoseReference
 from scpf.models.camera import Camera
 from scpf.models.errors import InputError
 from scpf.models.geodesy import Origin
@@ -51,7 +52,7 @@ def test_a_whole_drive(tmp_path: Path, folder: Path) -> None:
     output = tmp_path / "drive.mcap"
     report = assemble(
         output, images, stamps, CAMERA,
-        trajectory=a_drive(), position_variance_m2=0.01, road_map=road, sources=[folder, images[0].path],
+        reference=PoseReference(a_drive(), 0.01), road_map=road, sources=[folder, images[0].path],
     )  # fmt: skip
     assert report.lossless
     assert (report.frames, report.poses, report.landmarks, report.frames_without_pose) == (20, 30, 1, 0)
@@ -108,7 +109,7 @@ def test_a_part_of_the_drive(tmp_path: Path, folder: Path) -> None:
         list_images(folder),
         stamps,
         CAMERA,
-        trajectory=trajectory,
+        reference=PoseReference(trajectory),
         start_s=5.0,
         end_s=8.0,
     )
@@ -121,7 +122,11 @@ def test_clocks_that_differ_are_an_error(tmp_path: Path, folder: Path) -> None:
     stamps = stamps_at_rate(20, 10.0, T0)
     with pytest.raises(InputError, match=r"share no time: the trajectory begins \+18\.000 s"):
         assemble(
-            tmp_path / "a.mcap", list_images(folder), stamps, CAMERA, trajectory=a_drive(T0 + 18 * 10**9)
+            tmp_path / "a.mcap",
+            list_images(folder),
+            stamps,
+            CAMERA,
+            reference=PoseReference(a_drive(T0 + 18 * 10**9)),
         )
     assert not (tmp_path / "a.mcap").exists()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,6 @@ from applanix_encoders import drive, gsof, nmea, sbet
 from scpf.ingest import applanix, messages
 from scpf.ingest.navigation import Navigation
 from scpf.ingest.navigation_messages import (
-    NATIVE_DEFINITION,
-    NATIVE_TYPE,
     native_message,
     native_records,
     standard_messages,
@@ -88,16 +85,6 @@ def test_native_records_are_whole_and_in_order(tmp_path: Path) -> None:
     assert text.encode() == nmea(D)
 
 
-@pytest.fixture
-def native_type(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setitem(messages.DEFINITIONS, NATIVE_TYPE, NATIVE_DEFINITION)
-    messages.typestore.cache_clear()
-    yield
-    monkeypatch.undo()
-    messages.typestore.cache_clear()
-
-
-@pytest.mark.usefixtures("native_type")
 def test_native_records_as_messages(tmp_path: Path) -> None:
     for data in (gsof(D), nmea(D)):
         for record in native_records(_read(tmp_path, data)):
