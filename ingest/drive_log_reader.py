@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scpf.ingest import messages
 from scpf.ingest.decoding import Decoder
 from scpf.ingest.gps_messages import from_gps_fix, from_gps_pose
+from scpf.ingest.latched import is_latched, latest
 from scpf.ingest.log_messages import ChannelInfo, EncodedImage, Message
 from scpf.ingest.mcap_files import read_attachment, read_metadata
 from scpf.ingest.mcap_index import Channel
@@ -100,10 +101,24 @@ class DriveLog:
         return dict(read_metadata(self._mcap, *place) for place in self._mcap.index.metadata)
 
     def messages(
-        self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        *,
+        latched: bool = False,
     ) -> Iterator[Message]:
-        """Messages of ``topics`` (None: all), start ≤ log time < end, by log time, then place in the file."""
+        """Messages of ``topics`` (None: all), start ≤ log time < end, by log time, then place in the file.
+
+        ``latched``: those of latched topics that still hold at the start come first, with their own, earlier times,
+        as a subscriber that joins late gets them.
+        """
         wanted = None if topics is None else {topics} if isinstance(topics, str) else set(topics)
+        if latched and start_ns is not None:
+            held = {channel.topic for channel in self.mcap_channels if is_latched(channel)}
+            held = held if wanted is None else held & wanted
+            before = self._mcap.messages(held, None, start_ns)
+            yield from latest(Message(record, self._decoder) for record in before)
         for record in self._mcap.messages(wanted, start_ns, end_ns):
             yield Message(record, self._decoder)
 

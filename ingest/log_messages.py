@@ -59,9 +59,13 @@ class Message:
 
     @property
     def sensor_ns(self) -> int:
-        """The header's stamp; the log time where there is no header, or nobody filled it in."""
-        header = getattr(self.message, "header", None)
-        return (from_time(header.stamp) if header is not None else 0) or self.stamp_ns
+        """The header's stamp; the log time where there is no such header, or nobody filled it in."""
+        stamp = getattr(getattr(self.message, "header", None), "stamp", None)
+        if not (
+            isinstance(getattr(stamp, "sec", None), int) and isinstance(getattr(stamp, "nanosec", None), int)
+        ):
+            return self.stamp_ns
+        return from_time(stamp) or self.stamp_ns
 
 
 class EncodedImage(NamedTuple):

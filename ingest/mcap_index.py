@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from scpf.ingest.mcap_write import MAGIC
+from scpf.ingest.mcap_summary import MAGIC
 from scpf.models.errors import DamagedError
 
 MAX_INDEX_BYTES: Final = 64 << 20
 _FOOTER_BYTES: Final = 9 + 20
-_OTHERS: Final = {
+FOREIGN: Final = {
     b"#ROSBAG V2.0": ("a ROS 1 bag", "convert it with `scpf convert`"),
     b"SQLite format 3": ("a rosbag2 SQLite file", "convert it with `scpf convert`"),
 }
@@ -144,7 +144,7 @@ def read_index(file: BinaryIO, path: Path) -> Index:
     file.seek(0)
     start = file.read(1024)
     if not start.startswith(MAGIC):
-        for magic, (what, remedy) in _OTHERS.items():
+        for magic, (what, remedy) in FOREIGN.items():
             if start.startswith(magic):
                 raise damaged(path, 0, f"this is {what}, not an MCAP file", remedy)
         what = "the file is empty" if not start else "this is not an MCAP file"

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from scpf.ingest.mcap_decompress import decompress
 from scpf.ingest.mcap_index import (
     Channel,
     ChunkEntry,
@@ -26,6 +27,8 @@ from scpf.ingest.mcap_index import (
 
 MAX_CHUNK_BYTES: Final = 512 << 20
 CACHE_BYTES: Final = 128 << 20
+LATEST_NS: Final = (1 << 63) - 1
+"""MCAP has room for later times, arrays of times have not."""
 RECOVER_HINT: Final = "the readable part may be saved with `scpf recover`"
 
 _MESSAGE: Final = struct.Struct("<HIQQ")
@@ -153,6 +156,8 @@ class McapFile:
             if position > size:
                 text = f"a record in this chunk declares {length} bytes and {size - start} are left"
                 raise damaged(self.path, entry.offset, text, RECOVER_HINT)
+            if opcode == 4:
+                self._check_channel(entry, chunk[start:position])
             if opcode != 5:
                 continue
             if length < _MESSAGE.size:
@@ -166,11 +171,26 @@ class McapFile:
             if not entry.start_ns <= log_time_ns <= entry.end_ns:
                 text = f"a message at {log_time_ns} ns lies outside the times of its chunk"
                 raise damaged(self.path, entry.offset, text, RECOVER_HINT)
+            if log_time_ns > LATEST_NS:
+                text = f"a message at {log_time_ns} ns, after the year 2262"
+                raise damaged(self.path, entry.offset, text, RECOVER_HINT)
             if channel_id in wanted:
                 yield (
                     log_time_ns,
                     _Slot(channel_id, sequence, publish_time_ns, start + _MESSAGE.size, position),
                 )
+
+    def _check_channel(self, entry: ChunkEntry, body: memoryview) -> None:
+        """Refuse a chunk that gives a channel another topic than the index: its messages would change theirs."""
+        cursor = Cursor(body, self.path, entry.offset)
+        channel_id, _ = cursor.unpack("<HH")
+        topic = cursor.text()
+        known = self.index.channels.get(channel_id)
+        if known is not None and known.topic != topic:
+            text = (
+                f"channel {channel_id} is {topic[:80]!r} in this chunk and {known.topic[:80]!r} in the index"
+            )
+            raise damaged(self.path, entry.offset, text, RECOVER_HINT)
 
     def _chunk(self, entry: ChunkEntry) -> memoryview:
         """The uncompressed records of a chunk, checked; the last few stay in memory."""
@@ -207,43 +227,3 @@ class McapFile:
         if crc and zlib.crc32(data) != crc:
             raise damaged(self.path, place, "a chunk fails its checksum", RECOVER_HINT)
         return data
-
-
-def decompress(compression: str, data: memoryview, size: int) -> bytes | memoryview:
-    """The ``size`` bytes of a chunk; ValueError for another number of bytes, or an unknown compression.
-
-    Never makes more than ``size`` + 1 bytes, whatever the compressed data ask for.
-    """
-    if compression == "":
-        unpacked: bytes | memoryview = data
-    elif compression == "zstd":
-        unpacked = _zstd(data, size)
-    elif compression == "lz4":
-        import lz4.frame
-
-        try:
-            unpacked = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
-        except (RuntimeError, EOFError) as error:
-            raise ValueError(f"lz4: {error}") from error
-    else:
-        raise ValueError(f"compression {compression[:40]!r} is not known (known: none, zstd, lz4)")
-    if len(unpacked) != size:
-        raise ValueError(f"it declares {size} bytes and holds another number")
-    return unpacked
-
-
-def _zstd(data: memoryview, size: int) -> bytes:
-    import zstandard
-
-    try:
-        frame = zstandard.get_frame_parameters(data)
-        if frame.content_size not in (size, zstandard.CONTENTSIZE_UNKNOWN):
-            raise ValueError(f"it declares {size} bytes and its zstd frame {frame.content_size}")
-        # A frame may ask for a window of gigabytes; no chunk below the limit needs more than its own size.
-        decoder = zstandard.ZstdDecompressor(max_window_size=1 << 29)
-        if frame.content_size == size:
-            return decoder.decompress(data)
-        with decoder.stream_reader(data) as reader:
-            return reader.read(size + 1)
-    except zstandard.ZstdError as error:
-        raise ValueError(f"zstd: {error}") from error

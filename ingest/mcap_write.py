@@ -7,53 +7,33 @@ reads every image. Everything written carries a checksum: chunks, attachments, t
 from __future__ import annotations
 
 import struct
+import threading
 import time
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, BinaryIO, Final
+from collections.abc import Iterable, Mapping
+from typing import BinaryIO, Final
 
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
-    Attachment,
     AttachmentIndex,
     Channel,
     ChunkIndex,
     DataEnd,
-    Footer,
     Header,
-    MessageIndex,
     Metadata,
     MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )
 
-MAGIC: Final = bytes([137]) + b"MCAP0\r\n"
+from scpf.ingest.mcap_chunk import Buffer, ChunkStream
+from scpf.ingest.mcap_flush import start_flushing
+from scpf.ingest.mcap_summary import MAGIC, encode_record, encode_summary
+
 FLUSH_EVERY_S: Final = 1.0
-Buffer = bytes | bytearray | memoryview
 
 _RECORD: Final = struct.Struct("<BQ")
 _MESSAGE: Final = struct.Struct("<BQHIQQ")
-
-
-@dataclass
-class _Stream:
-    """A chunk in the making: ``parts`` are written one after the other, not joined where uncompressed."""
-
-    compression: str
-    limit_bytes: int
-    parts: list[Buffer] = field(default_factory=list)
-    size: int = 0
-    start_ns: int = 0
-    end_ns: int = 0
-    indices: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
-
-    def add(self, part: Buffer) -> None:
-        self.parts.append(part)
-        self.size += len(part)
 
 
 # Images are compressed already: zstd gains nothing on them. Four MiB keep the index of an hour's drive small.
@@ -61,16 +41,24 @@ _STREAMS: Final = {"small": ("zstd", 1 << 20), "image": ("", 4 << 20)}
 
 
 class McapWriter:
-    """Writes MCAP records to a binary stream. Channels belong to the chunk stream ``small`` or ``image``."""
+    """Writes MCAP records to a binary stream. Channels belong to the chunk stream ``small`` or ``image``.
+
+    What is added is in the hands of the system within about a second, also while no more is added. Each chunk
+    holds the schemas and channels of its messages: whatever else is lost, it explains itself.
+    """
 
     def __init__(self, output: BinaryIO, library: str, profile: str = "ros2") -> None:
         self._output = output
+        self._lock = threading.RLock()
+        self._flush_error: OSError | ValueError | None = None
+        self._stop_flushing: threading.Event | None = None
         self._position = 0
         self._crc = 0
-        self._streams = {name: _Stream(*settings) for name, settings in _STREAMS.items()}
+        self._streams = {name: ChunkStream(*settings) for name, settings in _STREAMS.items()}
         self._schemas: dict[int, Schema] = {}
+        self._schema_ids: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[int, Channel] = {}
-        self._stream_of: dict[int, _Stream] = {}
+        self._stream_of: dict[int, ChunkStream] = {}
         self._counts: dict[int, int] = {}
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
@@ -79,7 +67,7 @@ class McapWriter:
         self._end_ns = 0
         self._flushed_s = time.monotonic()
         self._write(MAGIC)
-        self._write(_record(Header(profile, library)))
+        self._write(encode_record(Header(profile, library)))
 
     def add_channel(
         self,
@@ -94,74 +82,115 @@ class McapWriter:
     ) -> int:
         """Register a channel and, where it is new, its schema; returns the channel's id."""
         wanted = (schema_name, schema_encoding, schema_data)
-        known = (k for k, s in self._schemas.items() if (s.name, s.encoding, s.data) == wanted)
-        schema_id = next(known, 0) if schema_name else 0
-        target = self._streams[stream]
-        if schema_name and not schema_id:
-            schema_id = len(self._schemas) + 1
-            self._schemas[schema_id] = Schema(schema_id, schema_data, schema_encoding, schema_name)
-        channel_id = len(self._channels) + 1
-        channel = Channel(channel_id, topic, message_encoding, dict(metadata or {}), schema_id)
-        self._channels[channel_id] = channel
-        self._stream_of[channel_id] = target
-        if schema_id:  # again for each channel: whatever chunk is lost, the others explain themselves
-            target.add(_record(self._schemas[schema_id]))
-        target.add(_record(channel))
+        with self._lock:
+            schema_id = self._schema_ids.get(wanted, 0) if schema_name else 0
+            if schema_name and not schema_id:
+                schema_id = self._schema_ids[wanted] = len(self._schemas) + 1
+                self._schemas[schema_id] = Schema(schema_id, schema_data, schema_encoding, schema_name)
+            channel_id = len(self._channels) + 1
+            self._channels[channel_id] = Channel(
+                channel_id, topic, message_encoding, dict(metadata or {}), schema_id
+            )
+            self._stream_of[channel_id] = self._streams[stream]
         return channel_id
 
     def add_message(
         self, channel_id: int, log_time_ns: int, data: Buffer, publish_time_ns: int, sequence: int
     ) -> None:
         """Add a message; ``data`` must not change afterwards, since it is written with its chunk."""
-        stream = self._stream_of[channel_id]
-        records = stream.indices.setdefault(channel_id, [])
-        first = not any(stream.indices.values())
-        stream.start_ns = log_time_ns if first else min(stream.start_ns, log_time_ns)
-        stream.end_ns = log_time_ns if first else max(stream.end_ns, log_time_ns)
-        records.append((log_time_ns, stream.size))
-        head = (
-            Opcode.MESSAGE,
-            22 + len(data),
-            channel_id,
-            sequence & 0xFFFFFFFF,
-            log_time_ns,
-            publish_time_ns,
-        )
-        stream.add(_MESSAGE.pack(*head))
-        stream.add(data)
-        self._start_ns = log_time_ns if self._start_ns is None else min(self._start_ns, log_time_ns)
-        self._end_ns = max(self._end_ns, log_time_ns)
-        self._counts[channel_id] = self._counts.get(channel_id, 0) + 1
-        if stream.size >= stream.limit_bytes:
-            self._end_chunk(stream)
-        if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
-            self.flush()
+        with self._lock:
+            self._raise_flush_error()
+            stream = self._stream_of[channel_id]
+            if channel_id not in stream.indices:
+                self._define(stream, channel_id)
+            head = (22 + len(data), channel_id, sequence & 0xFFFFFFFF, log_time_ns, publish_time_ns)
+            stream.add_message(channel_id, log_time_ns, _MESSAGE.pack(Opcode.MESSAGE, *head), data)
+            self._start_ns = log_time_ns if self._start_ns is None else min(self._start_ns, log_time_ns)
+            self._end_ns = max(self._end_ns, log_time_ns)
+            self._counts[channel_id] = self._counts.get(channel_id, 0) + 1
+            if stream.size >= stream.limit_bytes:
+                self._end_chunk(stream)
+            if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
+                self.flush()
+            elif self._stop_flushing is None:
+                self._stop_flushing = start_flushing(self, FLUSH_EVERY_S / 2)
 
-    def add_attachment(self, name: str, media_type: str, data: bytes, time_ns: int = 0) -> None:
+    def add_attachment(
+        self, name: str, media_type: str, data: bytes, time_ns: int = 0, create_time_ns: int = 0
+    ) -> None:
         """Add a file as an attachment."""
-        record = _record(Attachment(0, time_ns, name, media_type, data))
-        self._attachments.append(
-            AttachmentIndex(self._position, len(record), time_ns, 0, len(data), name, media_type)
-        )
-        self._write(record)
+        self.add_attachment_blocks(name, media_type, len(data), [data], time_ns, create_time_ns)
+
+    def add_attachment_blocks(
+        self,
+        name: str,
+        media_type: str,
+        size: int,
+        blocks: Iterable[Buffer],
+        time_ns: int,
+        create_time_ns: int,
+    ) -> None:
+        """Add a file of ``size`` bytes that comes in blocks, so that it need not fit into memory."""
+        names = b"".join(struct.pack("<I", len(raw)) + raw for raw in (name.encode(), media_type.encode()))
+        head = struct.pack("<QQ", time_ns, create_time_ns) + names + struct.pack("<Q", size)
+        length = len(head) + size + 4
+        with self._lock:
+            self._attachments.append(
+                AttachmentIndex(
+                    offset=self._position,
+                    length=9 + length,
+                    log_time=time_ns,
+                    create_time=create_time_ns,
+                    data_size=size,
+                    name=name,
+                    media_type=media_type,
+                )
+            )
+            self._write(_RECORD.pack(Opcode.ATTACHMENT, length) + head)
+            crc, written = zlib.crc32(head), 0
+            for block in blocks:
+                self._write(block)
+                crc, written = zlib.crc32(block, crc), written + len(block)
+            if written != size:
+                raise ValueError(f"attachment {name!r}: {written} bytes where {size} were announced")
+            self._write(struct.pack("<I", crc))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a record of names and values."""
-        record = _record(Metadata(name=name, metadata=dict(values)))
-        self._metadata.append(MetadataIndex(offset=self._position, length=len(record), name=name))
-        self._write(record)
+        record = encode_record(Metadata(name=name, metadata=dict(values)))
+        with self._lock:
+            self._metadata.append(MetadataIndex(offset=self._position, length=len(record), name=name))
+            self._write(record)
 
     def flush(self) -> None:
         """End the chunks in the making and hand everything to the system: what is written survives a kill."""
-        for stream in self._streams.values():
-            self._end_chunk(stream)
-        self._output.flush()
-        self._flushed_s = time.monotonic()
+        with self._lock:
+            for stream in self._streams.values():
+                self._end_chunk(stream)
+            self._output.flush()
+            self._flushed_s = time.monotonic()
+
+    def flush_if_due(self) -> None:
+        """Flush what is older than half a second; an error waits for the next message, or the end."""
+        with self._lock:
+            pending = any(stream.indices for stream in self._streams.values())
+            if pending and time.monotonic() - self._flushed_s > FLUSH_EVERY_S / 2:
+                try:
+                    self.flush()
+                except (OSError, ValueError) as error:  # ValueError: the file was closed under us
+                    self._flush_error = error
 
     def finish(self) -> None:
         """Write what is pending, and the index; the stream stays open."""
+        if self._stop_flushing is not None:
+            self._stop_flushing.set()
+        with self._lock:
+            self._finish()
+
+    def _finish(self) -> None:
+        self._raise_flush_error()
         self.flush()
-        self._write(_record(DataEnd(self._crc)))
+        self._write(encode_record(DataEnd(self._crc)))
         statistics = Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
@@ -181,65 +210,28 @@ class McapWriter:
             (Opcode.ATTACHMENT_INDEX, self._attachments),
             (Opcode.METADATA_INDEX, self._metadata),
         )
-        start = self._position
-        summary, offsets = b"", b""
-        for opcode, records in groups:
-            group = b"".join(_record(record) for record in records)
-            if group:
-                offsets += _record(SummaryOffset(opcode, start + len(summary), len(group)))
-            summary += group
-        footer = _record(Footer(start, start + len(summary), 0))
-        crc = zlib.crc32(footer[:-4], zlib.crc32(offsets, zlib.crc32(summary)))
-        self._write(summary + offsets + footer[:-4] + struct.pack("<I", crc) + MAGIC)
+        self._write(encode_summary(groups, self._position))
         self._output.flush()
 
-    def _end_chunk(self, stream: _Stream) -> None:
-        if not stream.indices:
-            return
-        crc = 0
-        for part in stream.parts:
-            crc = zlib.crc32(part, crc)
-        parts: list[Buffer] = stream.parts
-        if stream.compression == "zstd":
-            import zstandard
+    def _raise_flush_error(self) -> None:
+        if self._flush_error is not None:
+            error, self._flush_error = self._flush_error, None
+            raise error
 
-            parts = [zstandard.compress(b"".join(stream.parts))]
-        stored = sum(len(part) for part in parts)
-        name = stream.compression.encode()
-        fixed = struct.pack("<QQQI", stream.start_ns, stream.end_ns, stream.size, crc)
-        head = fixed + struct.pack("<I", len(name)) + name + struct.pack("<Q", stored)
-        offset = self._position
-        self._write(_RECORD.pack(Opcode.CHUNK, len(head) + stored) + head)
-        for part in parts:
-            self._write(part)
-        length, index_start = self._position - offset, self._position
-        message_index_offsets = {}
-        for channel_id, records in stream.indices.items():
-            message_index_offsets[channel_id] = self._position
-            self._write(_record(MessageIndex(channel_id, records)))
-        self._chunks.append(
-            ChunkIndex(
-                chunk_length=length,
-                chunk_start_offset=offset,
-                compression=stream.compression,
-                compressed_size=stored,
-                message_end_time=stream.end_ns,
-                message_index_length=self._position - index_start,
-                message_index_offsets=message_index_offsets,
-                message_start_time=stream.start_ns,
-                uncompressed_size=stream.size,
-            )
-        )
-        stream.parts, stream.size, stream.indices = [], 0, {}
+    def _define(self, stream: ChunkStream, channel_id: int) -> None:
+        channel = self._channels[channel_id]
+        if channel.schema_id:
+            stream.add(encode_record(self._schemas[channel.schema_id]))
+        stream.add(encode_record(channel))
+
+    def _end_chunk(self, stream: ChunkStream) -> None:
+        if stream.indices:
+            parts, entry = stream.pack(self._position)
+            for part in parts:
+                self._write(part)
+            self._chunks.append(entry)
 
     def _write(self, data: Buffer) -> None:
         self._output.write(data)
         self._crc = zlib.crc32(data, self._crc)
         self._position += len(data)
-
-
-def _record(record: Any) -> bytes:
-    builder: Any = RecordBuilder()
-    record.write(builder)
-    data: bytes = builder.end()
-    return data

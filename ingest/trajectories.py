@@ -1,4 +1,4 @@
-"""Trajectories that people have: TUM (read and written) and KITTI odometry poses (read)."""
+"""Trajectories that people have: TUM, EuRoC CSV, KITTI odometry poses and KITTI raw OXTS folders, read."""
 
 from __future__ import annotations
 
@@ -9,28 +9,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.ingest.images import parse_time
+from scpf.ingest.oxts import is_oxts, read_oxts
+from scpf.ingest.trajectory_writers import write_tum
 from scpf.models.camera import looking_ahead
 from scpf.models.errors import InputError, MissingError
+from scpf.models.geodesy import Origin
 from scpf.models.trajectory import Trajectory, from_poses
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+Rows = list[tuple[int, list[str]]]
+"""Line number and columns of each row of a file."""
 
+EUROC_STATE_COLUMNS: Final = 17
 MAX_TEXT_BYTES: Final = 1 << 30
 ROTATION_TOLERANCE: Final = 1e-3
 """KITTI writes seven digits; a file of something else misses a rotation by far more."""
 
 
 def read_trajectory(
-    path: Path, *, stamps_ns: Stamps | None = None, T_body_camera: Array | None = None
+    path: Path,
+    *,
+    stamps_ns: Stamps | None = None,
+    T_body_camera: Array | None = None,
+    origin: Origin | None = None,
 ) -> Trajectory:
-    """The trajectory of a TUM file (8 columns) or a KITTI pose file (12 columns), told apart by the columns.
+    """The trajectory of a TUM, EuRoC or KITTI pose file, told apart by the columns, or of a KITTI OXTS folder.
 
-    KITTI poses have no times: ``stamps_ns`` (N,), one a row, are those of the images. Raises InputError
-    naming the line, MissingError for KITTI poses without stamps.
+    TUM and EuRoC poses are taken as those of the body. KITTI poses have no times: ``stamps_ns`` (N,), one a row,
+    are those of the images. OXTS positions are geodetic: ``origin`` is that of ``map``, by default the first
+    position. Raises InputError naming the line, MissingError for KITTI poses without stamps.
     """
-    rows = _rows(path)
+    if is_oxts(path):
+        return read_oxts(path, origin).trajectory
+    rows, commas = _rows(path)
     columns = len(rows[0][1])
+    if columns == EUROC_STATE_COLUMNS or (columns == 8 and commas and all(c[0].isdigit() for _, c in rows)):
+        return _euroc(path, rows)
     if columns == 8:
         return _tum(path, rows)
     if columns == 12:
@@ -38,7 +53,10 @@ def read_trajectory(
             hint = "give the images' times (--timestamps, or --rate) as well"
             raise MissingError(f"{path} holds KITTI poses, which carry no times", hint)
         return _kitti(path, rows, stamps_ns, T_body_camera)
-    hint = "known: TUM (t tx ty tz qx qy qz qw) and KITTI (12 numbers, a 3×4 matrix by rows)"
+    hint = (
+        "known: TUM (t tx ty tz qx qy qz qw), EuRoC CSV (ns, position, quaternion w x y z), "
+        "KITTI (12 numbers, a 3×4 matrix by rows), and KITTI raw's oxts folder"
+    )
     raise InputError(f"{path}:{rows[0][0]}: {columns} columns: not a known trajectory", hint)
 
 
@@ -53,21 +71,8 @@ def poses_from_kitti(poses_camera: Array, T_body_camera: Array | None = None) ->
     return poses
 
 
-def write_tum(path: Path, trajectory: Trajectory, *, overwrite: bool = False) -> None:
-    """Write a trajectory as TUM: seconds with nine digits, positions (m), quaternion x y z w."""
-    if path.exists() and not overwrite:
-        raise InputError(f"{path} exists", "choose another name, or give --overwrite")
-    lines = ["# stamp_s tx ty tz qx qy qz qw"]
-    columns = (trajectory.stamps_ns, trajectory.positions_m, trajectory.quaternions_xyzw)
-    for stamp, position, quaternion in zip(*columns, strict=True):
-        numbers = " ".join(f"{value:.9f}" for value in (*position, *quaternion))
-        sign, size = "-" if stamp < 0 else "", abs(int(stamp))
-        lines.append(f"{sign}{size // 10**9}.{size % 10**9:09d} {numbers}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Line numbers and columns of a table of numbers, comments left out."""
+def _rows(path: Path) -> tuple[Rows, bool]:
+    """Line numbers and columns of a table of numbers, comments left out, and whether commas part the columns."""
     try:
         if path.stat().st_size > MAX_TEXT_BYTES:
             raise InputError(f"{path} is larger than 1 GiB", "is this a trajectory?")
@@ -85,10 +90,10 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
             raise InputError(
                 f"{path}:{number}: {len(cells)} columns, where the rows before have {len(rows[0][1])}"
             )
-    return rows
+    return rows, "," in lines[rows[0][0] - 1]
 
 
-def _numbers(path: Path, rows: list[tuple[int, list[str]]], first: int) -> Array:
+def _numbers(path: Path, rows: Rows, first: int) -> Array:
     """The columns from ``first`` on, as finite numbers."""
     table = np.empty((len(rows), len(rows[0][1]) - first))
     for k, (number, cells) in enumerate(rows):
@@ -101,24 +106,42 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], first: int) -> Array
     return table
 
 
-def _tum(path: Path, rows: list[tuple[int, list[str]]]) -> Trajectory:
-    stamps = np.array([parse_time(cells[0], f"{path}:{number}") for number, cells in rows], dtype=np.int64)
+def _tum(path: Path, rows: Rows) -> Trajectory:
     table = _numbers(path, rows, 1)
+    stamps = [parse_time(cells[0], f"{path}:{number}") for number, cells in rows]
+    return _timed(path, rows, stamps, table[:, :3].copy(), table[:, 3:])
+
+
+def _euroc(path: Path, rows: Rows) -> Trajectory:
+    """Time in ns, position, quaternion w x y z; velocity and biases of a state estimate may follow."""
+    for number, cells in rows:
+        if not (cells[0].isdigit() and len(cells[0]) <= 19):
+            raise InputError(f"{path}:{number}: {cells[0][:40]!r} is no time in ns, as EuRoC writes it")
+    table = _numbers(path, rows, 1)
+    stamps = [int(cells[0]) for _, cells in rows]
+    return _timed(path, rows, stamps, table[:, :3].copy(), table[:, [4, 5, 6, 3]])
+
+
+def _timed(
+    path: Path, rows: Rows, stamps_ns: list[int], positions_m: Array, quaternions_xyzw: Array
+) -> Trajectory:
+    try:
+        stamps = np.array(stamps_ns, dtype=np.int64)
+    except OverflowError as error:
+        raise InputError(f"{path}: a time after the year 2262") from error
     backwards = np.flatnonzero(np.diff(stamps) <= 0)
     if len(backwards):
         number = rows[int(backwards[0]) + 1][0]
         raise InputError(f"{path}:{number}: the time does not increase ({len(backwards)} such lines)")
-    lengths = np.linalg.norm(table[:, 3:], axis=1)
+    lengths = np.linalg.norm(quaternions_xyzw, axis=1)
     wrong = np.flatnonzero(np.abs(lengths - 1.0) > 1e-2)
     if len(wrong):
         k = int(wrong[0])
         raise InputError(f"{path}:{rows[k][0]}: a quaternion of length {lengths[k]:.3f}, not 1")
-    return Trajectory(stamps, table[:, :3].copy(), table[:, 3:] / lengths[:, None])
+    return Trajectory(stamps, positions_m, quaternions_xyzw / lengths[:, None])
 
 
-def _kitti(
-    path: Path, rows: list[tuple[int, list[str]]], stamps_ns: Stamps, T_body_camera: Array | None
-) -> Trajectory:
+def _kitti(path: Path, rows: Rows, stamps_ns: Stamps, T_body_camera: Array | None) -> Trajectory:
     if len(rows) != len(stamps_ns):
         hint = "KITTI poses and images belong together one by one"
         raise InputError(f"{path} holds {len(rows)} poses for {len(stamps_ns)} images", hint)
@@ -130,3 +153,6 @@ def _kitti(
     if len(wrong):
         raise InputError(f"{path}:{rows[int(wrong[0])][0]}: the first three columns are no rotation")
     return from_poses(stamps_ns, poses_from_kitti(poses, T_body_camera))
+
+
+__all__ = ["poses_from_kitti", "read_trajectory", "write_tum"]

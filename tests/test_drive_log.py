@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import resource
 import struct
@@ -25,7 +26,8 @@ from scpf.ingest.drive_log import (
     DriveLogWriter,
 )
 from scpf.ingest.gps_messages import to_fix
-from scpf.ingest.mcap_read import decompress
+from scpf.ingest.mcap_decompress import decompress
+from scpf.ingest.mcap_write import McapWriter
 from scpf.models.camera import Camera, looking_ahead
 from scpf.models.errors import DamagedError, InputError
 from scpf.models.geodesy import Origin
@@ -205,6 +207,30 @@ def test_what_is_a_second_old_survives_a_kill(tmp_path: Path, monkeypatch: pytes
         now_s[0] += 1.1
         log.write_pose(T0 + STEP, a_pose(1))
         assert (tmp_path / "a.mcap.partial").stat().st_size > small + 200
+
+
+def test_a_full_disk_is_not_kept_from_the_writer_of_messages() -> None:
+    """What the flushing in the background meets is raised where the next message is added."""
+
+    class Full(io.BytesIO):
+        full = False
+
+        def write(self, data: object) -> int:
+            if self.full:
+                raise OSError(28, "No space left on device")
+            return super().write(data)  # type: ignore[arg-type]
+
+    out = Full()
+    writer = McapWriter(out, "test")
+    channel = writer.add_channel("/a", "", b"", message_encoding="json")
+    writer.add_message(channel, 1, b"{}", 1, 0)
+    out.full = True
+    writer._flushed_s -= 10
+    writer.flush_if_due()
+    with pytest.raises(OSError, match="No space left"):
+        writer.add_message(channel, 2, b"{}", 2, 1)
+    assert writer._stop_flushing is not None
+    writer._stop_flushing.set()
 
 
 def test_a_chunk_of_schemas_alone_has_no_time(tmp_path: Path) -> None:
