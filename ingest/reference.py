@@ -9,17 +9,22 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scpf.ingest import applanix
 from scpf.ingest.drive_log import DriveLogWriter
 from scpf.ingest.navigation import Navigation
 from scpf.ingest.navigation_messages import native_message, native_records, standard_messages
+from scpf.ingest.oxts import is_oxts, read_oxts
 from scpf.ingest.read_report import ReadOptions, ReadReport
+from scpf.ingest.trajectories import read_trajectory
 from scpf.models.errors import InputError
 from scpf.models.geodesy import Origin
 from scpf.models.road_map import RoadMap
 from scpf.models.trajectory import Trajectory
 
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 Write = tuple[int, Callable[[], None]]
 """A stamp (UTC ns), and what writes the messages of that time."""
 
@@ -93,6 +98,25 @@ class NavigationReference:
             )
 
 
+def open_poses(
+    path: Path,
+    *,
+    stamps_ns: Stamps | None = None,
+    T_body_camera: Array | None = None,
+    variance_m2: float | None = None,
+    road_map: RoadMap | None = None,
+) -> PoseReference:
+    """The reference of a pose file or an OXTS folder; ``stamps_ns`` and ``T_body_camera`` as ``read_trajectory``.
+
+    OXTS positions are in degrees: they need a georeferenced map, or none.
+    """
+    if not is_oxts(path):
+        poses = read_trajectory(path, stamps_ns=stamps_ns, T_body_camera=T_body_camera)
+        return PoseReference(poses, variance_m2)
+    found = read_oxts(path, _origin_of(road_map))
+    return PoseReference(found.trajectory, variance_m2, found.origin)
+
+
 def open_applanix(
     path: Path, options: ReadOptions, road_map: RoadMap | None, format: str | None = None
 ) -> NavigationReference | None:
@@ -102,12 +126,17 @@ def open_applanix(
     """
     if format is None and not _is_applanix(path):
         return None
+    return NavigationReference(applanix.read(path, options, format), _origin_of(road_map))
+
+
+def _origin_of(road_map: RoadMap | None) -> Origin | None:
+    """The map's origin; InputError for a map in metres, which positions in degrees cannot be put into."""
     if road_map is not None and road_map.origin is None:
         raise InputError(
-            "the map is in metres of a local frame, and an Applanix log is in degrees",
+            "the map is in metres of a local frame, and the reference is in degrees",
             "give a georeferenced map, or the trajectory in the frame of the map",
         )
-    return NavigationReference(applanix.read(path, options, format), road_map.origin if road_map else None)
+    return None if road_map is None else road_map.origin
 
 
 def _is_applanix(path: Path) -> bool:

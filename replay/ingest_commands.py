@@ -152,8 +152,7 @@ def ingest(
     from scpf.ingest.pictures import Encoding
     from scpf.ingest.raw_images import RawLayout, parse_size
     from scpf.ingest.read_report import ReadOptions
-    from scpf.ingest.reference import NavigationReference, PoseReference, open_applanix
-    from scpf.ingest.trajectories import read_trajectory
+    from scpf.ingest.reference import NavigationReference, PoseReference, open_applanix, open_poses
     from scpf.models.errors import UsageError
 
     if images is None and trajectory is None:
@@ -173,7 +172,7 @@ def ingest(
     if images is None or calibration is None:
         assert trajectory is not None
         if reference is None:
-            reference = PoseReference(read_trajectory(trajectory), variance_m2)
+            reference = open_poses(trajectory, variance_m2=variance_m2, road_map=road_map)
         report = assemble_reference(
             output, reference, road_map=road_map, sources=sources, overwrite=overwrite
         )
@@ -188,8 +187,13 @@ def ingest(
     if mount is not None:
         camera = replace(camera, T_body_camera=read_mount(mount))
     if trajectory is not None and reference is None:
-        poses = read_trajectory(trajectory, stamps_ns=timed.stamps_ns, T_body_camera=camera.T_body_camera)
-        reference = PoseReference(poses, variance_m2)
+        reference = open_poses(
+            trajectory,
+            stamps_ns=timed.stamps_ns,
+            T_body_camera=camera.T_body_camera,
+            variance_m2=variance_m2,
+            road_map=road_map,
+        )
     report = assemble(
         output,
         timed.pictures,
