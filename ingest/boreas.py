@@ -15,10 +15,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.ingest import grids, velocity_frame
+from scpf.ingest import velocity_frame
 from scpf.ingest.navigation import NativeColumn, NativeTable, Navigation, make_navigation
 from scpf.ingest.read_report import ReadOptions, ReadReport
 from scpf.ingest.text_tables import header_lines, read_head, read_rows
+from scpf.models import grids
 from scpf.models.camera import R_BODY_OPTICAL
 from scpf.models.errors import DamagedError, MissingError, UsageError
 from scpf.models.geodesy import R_ENU_NED, R_FLU_FRD, wrap_angle

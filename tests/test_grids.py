@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scpf.ingest.grids import Grid, from_grid_north, to_geodetic, utm
 from scpf.models.errors import UsageError
+from scpf.models.grids import Grid, from_geodetic, from_grid_north, to_geodetic, utm
 
 
 @pytest.mark.parametrize(("zone", "epsg", "northing"), [("17N", 32617, 4.8e6), ("33s", 32733, 7.2e6)])
@@ -54,3 +54,14 @@ def test_zones_that_are_none(zone: str) -> None:
 
 def test_the_grid_of_a_header() -> None:
     assert utm("17N") == Grid(-81.0, 0.0, 0.9996, 500_000.0, 0.0)
+
+
+def test_there_and_back() -> None:
+    latitude, longitude = np.array([43.47, -33.9, 0.5]), np.array([-80.54, -79.0, -83.9])
+    for zone in ("17N", "17S"):
+        back = to_geodetic(utm(zone), *from_geodetic(utm(zone), latitude, longitude))
+        np.testing.assert_allclose(back[0], latitude, atol=1e-9)
+        np.testing.assert_allclose(back[1], longitude, atol=1e-9)
+    easting, northing = from_geodetic(utm("17N"), np.array([43.4723]), np.array([-80.5449]))
+    assert easting[0] == pytest.approx(536_800, abs=30)
+    assert northing[0] == pytest.approx(4_813_500, abs=300)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,17 +37,7 @@ def to_geodetic(grid: Grid, easting_m: Array, northing_m: Array) -> tuple[Array,
 
     Convergence: by how much grid North lies clockwise (east) of true North; true heading = grid heading + it.
     """
-    from pyproj import Proj
-
-    projection = Proj(
-        proj="tmerc",
-        ellps="WGS84",
-        lat_0=grid.origin_latitude_deg,
-        lon_0=grid.central_meridian_deg,
-        k_0=grid.scale,
-        x_0=grid.false_easting_m,
-        y_0=grid.false_northing_m,
-    )
+    projection = _projection(grid)
     longitude, latitude = (
         np.asarray(v, dtype=float) for v in projection(easting_m, northing_m, inverse=True)
     )
@@ -57,6 +47,26 @@ def to_geodetic(grid: Grid, easting_m: Array, northing_m: Array) -> tuple[Array,
     offset = np.radians(longitude - grid.central_meridian_deg)
     convergence = np.arctan(np.tan(offset) * np.sin(np.radians(latitude)))
     return latitude, longitude, convergence
+
+
+def from_geodetic(grid: Grid, latitude_deg: Array, longitude_deg: Array) -> tuple[Array, Array]:
+    """Easting and northing (m), each (N,), of WGS 84 degrees; inf where the grid does not reach."""
+    easting, northing = _projection(grid)(longitude_deg, latitude_deg)
+    return np.asarray(easting, dtype=float), np.asarray(northing, dtype=float)
+
+
+def _projection(grid: Grid) -> Any:
+    from pyproj import Proj
+
+    return Proj(
+        proj="tmerc",
+        ellps="WGS84",
+        lat_0=grid.origin_latitude_deg,
+        lon_0=grid.central_meridian_deg,
+        k_0=grid.scale,
+        x_0=grid.false_easting_m,
+        y_0=grid.false_northing_m,
+    )
 
 
 def from_grid_north(velocity_mps: Array, convergence_rad: Array) -> Array:
