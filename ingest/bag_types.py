@@ -1,14 +1,15 @@
-"""Message types of bags: which definition an output channel gets, and how its messages become CDR."""
+"""Message types of bags: which definition an output channel gets, and how its messages pass into it."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
-from scpf.ingest.bag_sources import BagChannel
-from scpf.ingest.messages import definition, typestore
+from scpf.ingest.bag_source import BagChannel
+from scpf.ingest.ros1_transcode import transcoder
 from scpf.models.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,51 +28,78 @@ class Passage:
 
     type: str
     definition: bytes | None
-    """ros2msg; None where none fits: the messages are then copied, for software that knows their type."""
-    convert: Callable[[Bytes], Bytes]
+    """None where none fits: the messages are then copied, for software that knows their type."""
+    convert: Callable[[Bytes], Bytes] | None = None
+    """None where messages are copied as they are."""
     counted_header: bool = False
     """ROS 1 only: each message starts with a Header, whose ``seq`` becomes MCAP's sequence number."""
     note: str = ""
+    encoding: str = "cdr"
+    schema_encoding: str = "ros2msg"
+    metadata: dict[str, str] = field(default_factory=dict)
+    source_store: Callable[[], Typestore] | None = None
+    """Makes what decodes the recording's messages; None where they are copied."""
+    store: Typestore | None = None
+    """What decodes the output's messages; None where nothing does."""
 
 
-def passage(channel: BagChannel, first: Bytes | None) -> Passage:
-    """The passage of a channel to ros2msg and CDR. Raises InputError, with the reason, where there is none.
+def passage(channel: BagChannel, first: Bytes | None, encoding: str = "ros2") -> Passage:
+    """The passage of a channel into the output. Raises InputError, with the reason, where there is none.
 
-    ROS 2 messages are copied; ``first``, the first of them, shows which definition fits. ROS 1 messages are
-    rewritten byte by byte, and get ROS 2's own definition where the fields agree (so that ``K`` of a CameraInfo
-    becomes ``k``), else the one in the bag.
+    ``ros1``: the bytes of ROS 1 as they are. ``ros2``: ros2msg and CDR. ROS 2 messages are copied; ``first``, the
+    first of them, shows which definition fits. ROS 1 messages are rewritten byte by byte, and get ROS 2's own
+    definition where the fields agree (so that ``K`` of a CameraInfo becomes ``k``), else the one in the bag.
     """
+    if encoding == "ros1":
+        return _kept(channel)
     if channel.encoding not in ("ros1", "cdr"):
         raise InputError(f"messages in {channel.encoding!r} are not ROS messages")
     if len(channel.definition) > MAX_DEFINITION_BYTES:
-        raise InputError(f"a type definition of {len(channel.definition)} characters")
+        raise InputError(f"a type definition of {len(channel.definition)} bytes")
     return _copied(channel, first) if channel.encoding == "cdr" else _rewritten(channel)
+
+
+def _kept(channel: BagChannel) -> Passage:
+    """ROS 1 as it is, with what its connection says, under the names that other readers of MCAP look for."""
+    if channel.encoding != "ros1":
+        raise InputError(
+            f"messages in {channel.encoding!r} are not ROS 1 messages; --encoding ros2 takes them"
+        )
+    metadata = {
+        "md5sum": channel.md5,
+        "callerid": channel.caller,
+        "latching": "1" if channel.latching else "",
+    }
+    metadata = {name: value for name, value in metadata.items() if value}
+    name = channel.native_type or channel.type
+    return Passage(name, channel.definition, encoding="ros1", schema_encoding="ros1msg", metadata=metadata)
 
 
 def _copied(channel: BagChannel, first: Bytes | None) -> Passage:
     """Recordings before ROS 2 Iron define no types, and some define them wrongly: a definition has to prove itself."""
+    from scpf.ingest.messages import definition, typestore
+
     name, known = channel.type, typestore()
+    metadata = {**dict(channel.metadata), "offered_qos_profiles": channel.qos}
     reason = "the recording does not define it"
     if channel.definition_format:
         try:
             store = _store(_types(channel), name)
             _check(store, name, first)
             verbatim = channel.definition_format == "ros2msg"
-            return Passage(
-                name, channel.definition.encode() if verbatim else _generate(store, name), _unchanged
-            )
+            text = channel.definition if verbatim else _generate(store, name)[0].encode()
+            return Passage(name, text, metadata=metadata, store=store)
         except InputError as error:
             reason = error.message
     if name in known.fielddefs:
         try:
             _check(known, name, first)
             note = f"{name}: {reason}; ROS 2 Humble's definition is used" if channel.definition_format else ""
-            return Passage(name, definition(name), _unchanged, note=note)
+            return Passage(name, definition(name), note=note, metadata=metadata, store=known)
         except InputError:
             reason += ", and ROS 2 Humble's definition does not fit"
-    return Passage(
-        name, None, _unchanged, note=f"{name}: {reason}; its messages are copied without a definition"
-    )
+    note = f"{name}: {reason}; its messages are copied without a definition"
+    return Passage(name, None, note=note, schema_encoding="", metadata=metadata)
 
 
 def _check(store: Typestore, name: str, first: Bytes | None) -> None:
@@ -83,27 +111,44 @@ def _check(store: Typestore, name: str, first: Bytes | None) -> None:
 
 
 def _rewritten(channel: BagChannel) -> Passage:
+    found = _rewriting(channel.type, channel.definition, channel.md5)
+    return replace(found, metadata={"offered_qos_profiles": channel.qos})
+
+
+@lru_cache(maxsize=256)
+def _rewriting(type_name: str, definition_text: bytes, md5: str) -> Passage:
+    """The passage of a ROS 1 type: made once, since it takes milliseconds and recordings share their types."""
+    channel = BagChannel("", type_name, "ros1", "ros2msg", definition_text, md5, "", 0)
+    from scpf.ingest.messages import definition, typestore
+
     name, known = RENAMED.get(channel.type, channel.type), typestore()
     types = _types(channel)
     if channel.md5 not in ("", "*"):
-        have = _store(types, channel.type).generate_msgdef(channel.type, ros_version=1)[1]
+        have = _generate(_store(types, channel.type), channel.type, 1)[1]
         if have != channel.md5:
             raise InputError(f"the definition of {channel.type} does not match its checksum (md5)")
     if name != channel.type:
         types[name] = types.pop(channel.type)
+    source = partial(_store, dict(types), name)
     store = _store({**types, **_ros2_basics(known)}, name)
     header = store.fielddefs[name][1][:1]
     counted = bool(header) and "std_msgs/msg/Header" in header[0][1]
-    same = name in known.fielddefs and _same_fields(store, known, name, 0)
-    text = definition(name) if same else _generate(store, name)
+    same = name in known.fielddefs and _same_fields(store, known, name)
+    text = definition(name) if same else _generate(store, name)[0].encode()
+    within = [sub for _, desc in store.fielddefs[name][1][counted:] for sub in _named(desc)]
+    dropped = "std_msgs/msg/Header" in _closure(store, within)
+    note = "`seq` of Headers within the messages has no place in ROS 2 and is dropped" if dropped else ""
+
+    direct = transcoder(store, name)
 
     def convert(raw: Bytes) -> Bytes:
         try:
-            return store.ros1_to_cdr(raw, name)
+            return direct(raw) if direct is not None else store.ros1_to_cdr(raw, name)
         except Exception as error:  # generated code, as above
             raise InputError(f"not a {name} ({type(error).__name__}: {error})") from error
 
-    return Passage(name, text, convert, counted)
+    decoder = known if same else store
+    return Passage(name, text, convert, counted, note, source_store=source, store=decoder)
 
 
 def header_sequence(raw: Bytes) -> int:
@@ -111,22 +156,18 @@ def header_sequence(raw: Bytes) -> int:
     return int(struct.unpack_from("<I", raw)[0]) if len(raw) >= 4 else 0
 
 
-def _unchanged(raw: Bytes) -> Bytes:
-    return raw
-
-
 def _types(channel: BagChannel) -> dict[str, Any]:
     """The parsed definition of a channel, with all the types that it needs."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
+    text = channel.definition.decode(errors="replace")
     try:
         if channel.definition_format == "ros2msg":
-            return dict(get_types_from_msg(channel.definition, channel.type))
+            return dict(get_types_from_msg(text, channel.type))
         if channel.definition_format != "ros2idl":
             raise InputError(f"a definition in {channel.definition_format!r} is not read")
         types: dict[str, Any] = {}
         separator = "=" * 80 + "\n"
-        text = channel.definition
         for part in text.split(separator)[1:] if text.startswith(separator) else [text]:
             types.update(get_types_from_idl(part.split("\n", 1)[1] if part.startswith("IDL: ") else part))
         return types
@@ -154,6 +195,8 @@ def _store(types: dict[str, Any], name: str) -> Typestore:
 
 def _time_types() -> dict[str, Any]:
     """ROS 1's time and duration, which its definitions take for granted."""
+    from scpf.ingest.messages import typestore
+
     fields = typestore().fielddefs
     return {
         f"builtin_interfaces/msg/{name}": fields[f"builtin_interfaces/msg/{name}"]
@@ -166,21 +209,38 @@ def _ros2_basics(known: Typestore) -> dict[str, Any]:
     return {"std_msgs/msg/Header": known.fielddefs["std_msgs/msg/Header"], **_time_types()}
 
 
-def _generate(store: Typestore, name: str) -> bytes:
+def _generate(store: Typestore, name: str, ros_version: int = 2) -> tuple[str, str]:
+    """Text and checksum (md5) of a type's definition."""
     try:
-        return store.generate_msgdef(name, ros_version=2)[0].encode()
+        return store.generate_msgdef(name, ros_version=ros_version)
     except Exception as error:
-        raise InputError(f"the definition of {name} cannot be written ({error})") from error
+        raise InputError(
+            f"the definition of {name} cannot be written ({type(error).__name__}: {error})"
+        ) from error
 
 
-def _same_fields(one: Typestore, other: Typestore, name: str, depth: int) -> bool:
+def _same_fields(one: Typestore, other: Typestore, name: str) -> bool:
     """Whether a type has the same layout in two stores, whatever its fields are called."""
-    if name not in one.fielddefs or name not in other.fielddefs or depth > 32:
-        return False
-    mine, theirs = ([field[1] for field in store.fielddefs[name][1]] for store in (one, other))
-    return mine == theirs and all(
-        _same_fields(one, other, sub, depth + 1) for desc in mine for sub in _named(desc)
+    names = _closure(one, [name])
+    return all(
+        sub in one.fielddefs
+        and sub in other.fielddefs
+        and [field[1] for field in one.fielddefs[sub][1]] == [field[1] for field in other.fielddefs[sub][1]]
+        for sub in names
     )
+
+
+def _closure(store: Typestore, names: list[str]) -> set[str]:
+    """These types and all the message types within them."""
+    found: set[str] = set()
+    pending = list(names)
+    while pending:
+        name = pending.pop()
+        if name not in found:
+            found.add(name)
+            for field_ in store.fielddefs[name][1] if name in store.fielddefs else ():
+                pending += _named(field_[1])
+    return found
 
 
 def _named(desc: Any) -> list[str]:

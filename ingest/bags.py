@@ -1,225 +1,223 @@
-"""ROS bags to MCAP: ROS 1 bags, rosbag2 recordings and MCAP files become one MCAP of ROS 2 messages (CDR)."""
+"""ROS bags to MCAP: ROS 1 bags, rosbag2 recordings and MCAP files become one MCAP, of ROS 2 messages or of ROS 1's own.
+
+Recordings are merged by log time; on equal times the order of the inputs, then that of recording, is kept.
+"""
 
 from __future__ import annotations
 
-import contextlib
-import heapq
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Final
 
-from scpf.ingest.bag_sources import BagMessage, BagSource, open_sources
-from scpf.ingest.bag_types import Passage, header_sequence, passage
-from scpf.ingest.drive_log import DriveLogWriter
-from scpf.ingest.topics import IMAGE_TYPES
+from scpf.ingest.bag_mapping import Candidate, Rule, assign, detect, made_by, read_mapping
+from scpf.ingest.bag_output import BagOutput
+from scpf.ingest.bag_plan import Plan, make_plan
+from scpf.ingest.bag_report import ConversionReport, Options, TopicReport
+from scpf.ingest.bag_source import BagSource
+from scpf.ingest.bag_sources import Mcap, open_sources
+from scpf.ingest.bag_types import header_sequence
+from scpf.ingest.topics import FRAME_METADATA, IMAGE_TOPIC, MAP_ATTACHMENT
 from scpf.models.errors import InputError, UsageError
 
+if TYPE_CHECKING:
+    from scpf.ingest.bag_derive import Derivation
+    from scpf.models.geodesy import Origin
 
-@dataclass
-class TopicReport:
-    """What became of a topic. ``counted``: messages that the recording claims; ``problem``: why some are lost."""
+CONVERSION_METADATA: Final = "scpf_conversion"
 
-    topic: str
-    type: str
-    counted: int = 0
-    read: int = 0
-    written: int = 0
-    problem: str = ""
-
-
-@dataclass
-class ConversionReport:
-    """What a conversion did. ``left_out``: topics that the caller's globs leave out."""
-
-    path: str
-    topics: dict[str, TopicReport] = field(default_factory=dict)
-    left_out: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def messages(self) -> int:
-        """Messages written."""
-        return sum(topic.written for topic in self.topics.values())
-
-    @property
-    def lossless(self) -> bool:
-        """Whether everything that was asked for is in the output."""
-        return not any(topic.problem for topic in self.topics.values())
-
-
-class _Route(NamedTuple):
-    """Where the messages of one input channel go."""
-
-    report: TopicReport
-    passage: Passage
-    channel: int
+Progress = Callable[[int, int], None]
 
 
 def convert(
-    inputs: Sequence[Path],
-    output: Path,
-    *,
-    include: Sequence[str] = (),
-    exclude: Sequence[str] = (),
-    start_s: float | None = None,
-    end_s: float | None = None,
-    overwrite: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    inputs: Sequence[Path], output: Path, options: Options | None = None, progress: Progress | None = None
 ) -> ConversionReport:
-    """Convert recordings, merged by log time, to the MCAP ``output`` (profile ros2, ros2msg, CDR).
+    """Convert recordings, merged by log time, to the MCAP ``output``.
 
-    ``include`` (all topics, where empty) and ``exclude`` are globs such as ``/camera/*``. ``start_s`` and
-    ``end_s`` keep a part, in seconds after the first message. Log times, order and counts are kept; publish
-    times and sequence numbers too where the input has them (MCAP; ``seq`` of ROS 1 headers).
-
-    A topic that cannot be converted is left out, with its reason in the report. Raises InputError where no
-    topic matches, or none can be converted, and DamagedError for a recording that cannot be read to its end:
-    what was written stays in ``output``.partial.
+    Log times, order and counts are kept; publish times and sequence numbers too where the input has them (MCAP;
+    ``seq`` of ROS 1 headers). A topic that cannot be converted is left out, with its reason in the report; so is
+    what of a recording cannot be read. Raises InputError where no topic matches, or none can be converted, and
+    DamagedError for a recording that gives nothing: what was written stays in ``output``.partial.
     """
+    options = options or Options()
     if not inputs:
         raise UsageError("no recording to convert")
-    report = ConversionReport(str(output))
+    report = ConversionReport(str(output), encoding=options.encoding)
+    road_map, origin = _road_map(options)
     with ExitStack() as stack:
-        sources = [source for path in inputs for source in open_sources(path, stack)]
-        chosen = [_choose(source, include, exclude, report) for source in sources]
-        topics = {channel.topic for source in sources for channel in source.channels}
-        if not any(chosen) and (topics or include):
-            hint = f"topics: {', '.join(sorted(topics)) or 'none'}"
-            raise InputError(f"no topic matches {' '.join(include) or 'what --exclude leaves'}", hint)
-        for glob in (*include, *exclude):
-            if not any(fnmatchcase(topic, glob) for topic in topics):
-                report.notes.append(f"no topic matches {glob}")
-        passages = [
-            {number: found for number in numbers if (found := _passage(source, number, report))}
-            for source, numbers in zip(sources, chosen, strict=True)
-        ]
-        if any(chosen) and not any(passages):
-            reasons = "; ".join(f"{topic.topic}: {topic.problem}" for topic in report.topics.values())
-            hint = "only ROS messages become a drive log; other images go through `scpf ingest` as files"
-            raise InputError(f"none of {len(report.topics)} topics can be converted: {reasons}", hint)
-        first_ns = min((source.start_ns for source in sources if source.start_ns is not None), default=0)
-        low = None if start_s is None else first_ns + round(start_s * 1e9)
-        high = None if end_s is None else first_ns + round(end_s * 1e9)
-        with DriveLogWriter(output, overwrite=overwrite) as log:
-            routes = _routes(log, sources, passages, report)
-            streams = [
-                _numbered(k, source.messages(set(found), low, high))
-                for k, (source, found) in enumerate(zip(sources, passages, strict=True))
-            ]
-            _copy(log, streams, routes, progress, sum(topic.counted for topic in report.topics.values()))
-            log.metadata(
-                "scpf_conversion", {"inputs": ", ".join(path.name for path in inputs), **_lost(report)}
+        named = [source for path in inputs for source in open_sources(path, stack)]
+        sources = [source for _, source in named]
+        plan = make_plan(sources, options, report)
+        rules = _rules(plan, options, report)
+        with BagOutput(
+            output, profile=options.encoding, compression=options.compression, split=options.split,
+            overwrite=options.overwrite,
+        ) as out:  # fmt: skip
+            plan.open_channels(
+                out, {topic: rule for topic, rule in rules.items() if _renamed(plan, topic, rule)}
             )
-    if low is None and high is None:
-        for topic in report.topics.values():
-            if topic.read != topic.counted and not topic.problem:
-                topic.problem = f"the recording counts {topic.counted} messages and holds {topic.read}"
+            if road_map is not None:
+                out.attachments.append((MAP_ATTACHMENT, "application/geo+json", road_map))
+            _extras(sources, out)
+            derivation = _derivation(out, origin, rules)
+            if road_map is not None and origin is None:
+                report.notes.append(
+                    "the map is not georeferenced: whether the poses lie on it is for you to see to"
+                )
+            inputs_named = {"inputs": ", ".join(name for name, _ in named), "mapping": report.mapping}
+            out.describe(CONVERSION_METADATA, inputs_named)
+            if derivation is not None:
+                out.before_end = derivation.complete_part
+            _copy(plan, out, derivation, rules, report, progress)
+            chosen = any(topic.counted for topic in report.topics.values())
+            if chosen and not any(topic.read for topic in report.topics.values()) and plan.ranged:
+                raise InputError(
+                    "no message lies between --start and --end", "they count from the first message, in s"
+                )
+            if derivation is not None:
+                derivation.finish()
+                origin = derivation.origin
+                report.losses += derivation.losses
+                report.notes += derivation.notes
+                report.derived = derivation.counts
+            _describe(named, origin, out, report)
+        report.paths = [str(path) for path in out.paths]
+        report.notes += [f"{name} is left from an earlier run" for name in out.stale_parts()]
+        if not plan.ranged:
+            _count(report.topics.values())
+        if options.verify:
+            from scpf.ingest.bag_verify import verify
+
+            verify(plan, out.paths, report)
     return report
 
 
-def _choose(
-    source: BagSource, include: Sequence[str], exclude: Sequence[str], report: ConversionReport
-) -> list[int]:
-    """The channels that the globs leave."""
-    numbers = []
-    for number, channel in enumerate(source.channels):
-        wanted = not include or any(fnmatchcase(channel.topic, glob) for glob in include)
-        if wanted and not any(fnmatchcase(channel.topic, glob) for glob in exclude):
-            numbers.append(number)
-        elif channel.topic not in report.left_out:
-            report.left_out.append(channel.topic)
-    return numbers
+def _road_map(options: Options) -> tuple[bytes | None, Origin | None]:
+    """The road map to attach, and the origin of ``map``, as far as they are given."""
+    if options.road_map is None:
+        return None, options.origin
+    from scpf.ingest.maps import encode_map, read_map
+
+    road_map = read_map(options.road_map)
+    return encode_map(road_map), options.origin or road_map.origin
 
 
-def _passage(source: BagSource, number: int, report: ConversionReport) -> Passage | None:
-    channel = source.channels[number]
-    topic = report.topics.setdefault(channel.topic, TopicReport(channel.topic, channel.type))
-    topic.counted += channel.count
-    try:
-        first = None
-        if channel.encoding == "cdr":
-            first = next((message.data for message in source.messages({number}, None, None)), None)
-        found = passage(channel, first)
-        if found.note:
-            report.notes.append(f"{channel.topic}: {found.note}")
-        return found
-    except InputError as error:
-        topic.problem = f"{channel.count} messages left out: {error.message}"
+def _derivation(out: BagOutput, origin: Origin | None, rules: dict[str, Rule]) -> Derivation | None:
+    """What makes the drive log's topics; it is loaded only where there are any to make."""
+    if not rules:
         return None
+    from scpf.ingest.bag_derive import Derivation
+
+    derivation = Derivation(out, origin)
+    derivation.prepare(rules)
+    return derivation
 
 
-def _routes(
-    log: DriveLogWriter,
-    sources: list[BagSource],
-    passages: list[dict[int, Passage]],
-    report: ConversionReport,
-) -> dict[tuple[int, int], _Route]:
-    """Register the output's channels; publishers of one topic and type share one."""
-    channels: dict[tuple[str, str, bytes | None, str], int] = {}
-    routes = {}
-    for k, (source, found) in enumerate(zip(sources, passages, strict=True)):
-        for number, way in found.items():
-            channel = source.channels[number]
-            key = (channel.topic, way.type, way.definition, channel.qos)
-            if key not in channels:
-                stream = "image" if way.type in IMAGE_TYPES else "small"
-                qos = {"offered_qos_profiles": channel.qos}
-                channels[key] = log.mcap.add_channel(
-                    channel.topic,
-                    way.type,
-                    way.definition or b"",
-                    stream=stream,
-                    schema_encoding="" if way.definition is None else "ros2msg",
-                    metadata=qos,
-                )
-            topic = report.topics[channel.topic]
-            topic.type = way.type
-            routes[k, number] = _Route(topic, way, channels[key])
-    return routes
+def _rules(plan: Plan, options: Options, report: ConversionReport) -> dict[str, Rule]:
+    """Which rule of the mapping takes which topic."""
+    if options.mapping == "none" or options.encoding == "ros1":
+        return {}
+    candidates = sorted(
+        {
+            Candidate(route.report.topic, route.passage.type)
+            for route in plan.routes.values()
+            if route.passage.store
+        },
+        key=lambda c: (c.topic, c.type),
+    )
+    mapping = detect(candidates) if options.mapping == "auto" else read_mapping(options.mapping)
+    if mapping is None:
+        return {}
+    taken, notes = assign(mapping, candidates)
+    if not taken:
+        raise InputError(
+            f"the mapping {mapping.name} fits no topic", f"topics: {', '.join(sorted(report.topics))}"
+        )
+    report.mapping = mapping.name
+    report.notes += notes
+    rules = {}
+    for candidate, rule in taken.items():
+        there = [name for name in made_by(rule) if name in report.topics and name != candidate.topic]
+        if there:
+            report.notes.append(
+                f"{candidate.topic} is not mapped: the recording has {', '.join(there)} already"
+            )
+        else:
+            rules[candidate.topic] = rule
+    return rules
 
 
-def _numbered(source: int, messages: Iterator[BagMessage]) -> Iterator[tuple[int, int, BagMessage]]:
-    for message in messages:
-        yield message.log_time_ns, source, message
+def _renamed(plan: Plan, topic: str, rule: Rule) -> bool:
+    """Whether a topic's messages are the drive log's as they are: encoded images, which nobody wants twice."""
+    types = {route.passage.type for route in plan.routes.values() if route.report.topic == topic}
+    taken = {route.report.topic for route in plan.routes.values()}
+    return (
+        rule.to == "image"
+        and types == {"sensor_msgs/msg/CompressedImage"}
+        and IMAGE_TOPIC not in taken - {topic}
+    )
+
+
+def _extras(sources: Sequence[BagSource], out: BagOutput) -> None:
+    """Attachments and metadata of MCAP inputs; of two with one name, the first input's."""
+    for source in sources:
+        if isinstance(source, Mcap):
+            known = {name for name, _, _ in out.attachments}
+            out.attachments += [entry for entry in source.attachments() if entry[0] not in known]
+            for name, values in source.metadata():
+                out.metadata.setdefault(name, values)
 
 
 def _copy(
-    log: DriveLogWriter,
-    streams: list[Iterator[tuple[int, int, BagMessage]]],
-    routes: dict[tuple[int, int], _Route],
-    progress: Callable[[int, int], None] | None,
-    total: int,
+    plan: Plan,
+    out: BagOutput,
+    derivation: Derivation | None,
+    rules: dict[str, Rule],
+    report: ConversionReport,
+    progress: Progress | None,
 ) -> None:
-    sequences: dict[int, int] = {}
+    total = sum(topic.counted for topic in report.topics.values())
+    derived = {topic: rule for topic, rule in rules.items() if not report.topics[topic].renamed_to}
     done = 0
-    for _, source, message in heapq.merge(*streams, key=lambda item: item[:2]):
-        done += 1
+    for route, message in plan.messages():
         if progress is not None:
+            done += 1
             progress(done, total)
-        route = routes[source, message.channel]
-        topic = route.report
+        topic, passage = route.report, route.passage
         topic.read += 1
+        data = message.data
+        sequence = message.sequence
         try:
-            data = route.passage.convert(message.data)
+            if passage.convert is not None:
+                if sequence is None and passage.counted_header:
+                    sequence = header_sequence(data)
+                data = passage.convert(data)
         except InputError as error:
             lost = topic.read - topic.written
             topic.problem = f"{lost} messages left out, the last at {message.log_time_ns} ns: {error.message}"
             continue
-        sequence = sequences.get(route.channel, 0)
-        sequences[route.channel] = sequence + 1
-        if message.sequence is not None:
-            sequence = message.sequence
-        elif route.passage.counted_header:
-            sequence = header_sequence(message.data)
-        log.mcap.add_message(route.channel, message.log_time_ns, data, message.publish_time_ns, sequence)
+        assert route.channel is not None
+        out.write(route.channel, message.log_time_ns, data, message.publish_time_ns, sequence)
         topic.written += 1
+        if derivation is not None and topic.topic in derived:
+            derivation.take(route, derived[topic.topic], message.log_time_ns, data)
 
 
-def _lost(report: ConversionReport) -> dict[str, str]:
-    """What the output's metadata say was lost, by topic."""
-    with contextlib.suppress(KeyError):
-        return {f"lost {topic.topic}": topic.problem for topic in report.topics.values() if topic.problem}
-    return {}
+def _describe(
+    named: Sequence[tuple[str, BagSource]], origin: Origin | None, out: BagOutput, report: ConversionReport
+) -> None:
+    """What the report and the output's metadata say of the whole."""
+    for name, source in named:
+        report.losses += [f"{name}: {loss}" for loss in source.losses]
+    if origin is not None and (report.mapping or FRAME_METADATA not in out.metadata):
+        out.describe(FRAME_METADATA, {name: repr(float(value)) for name, value in origin._asdict().items()})
+    lost = {f"lost {topic.topic}": topic.problem for topic in report.topics.values() if topic.problem}
+    lost |= {f"lost {k}": text for k, text in enumerate(report.losses, 1)}
+    out.describe(CONVERSION_METADATA, {**out.metadata[CONVERSION_METADATA], **lost})
+
+
+def _count(topics: Iterable[TopicReport]) -> None:
+    """Say where a recording counts other messages than it holds."""
+    for topic in topics:
+        if topic.read != topic.counted and not topic.problem:
+            topic.problem = f"the recording counts {topic.counted} messages and holds {topic.read}"

@@ -30,8 +30,17 @@ COMMANDS: Final = (
         "ingest_commands:ingest",
         "Images, trajectory, calibration and map become a drive log.",
     ),
-    ("Drive logs", "convert", "ingest_commands:convert", "Convert ROS bags to MCAP."),
+    (
+        "Drive logs",
+        "calibrate",
+        "calibrate_command:calibrate",
+        "Pictures of a chessboard become a calibration.",
+    ),
+    ("Drive logs", "convert", "convert_command:convert", "Convert ROS bags to MCAP."),
     ("Drive logs", "info", "ingest_commands:info", "What a log holds: topics, counts, rates, gaps."),
+    ("Drive logs", "doctor", "doctor_command:doctor", "What is wrong with a log, or with this machine."),
+    ("Drive logs", "recover", "recover_command:recover", "Save what can be read of a damaged log."),
+    ("Drive logs", "export", "export_command:export", "The reference trajectory as TUM, EuRoC or KITTI."),
 )
 SUBCOMMANDS: Final = (
     # group and its help, then name, where it lives and help of each command
@@ -42,7 +51,7 @@ SUBCOMMANDS: Final = (
     ),
     (
         ("map", "Make road maps."),
-        ("from", "ingest_commands:map_from_points", "Landmark points become a road map."),
+        ("from", "map_commands:map_from", "OpenStreetMap, GeoJSON, KML, CSV or points become a road map."),
     ),
 )
 

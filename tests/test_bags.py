@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from scpf.ingest import bag_sources
+from scpf.ingest.bag_report import Encoding, Options
 from scpf.ingest.bags import convert
 from scpf.ingest.drive_log import DriveLog, DriveLogWriter
-from scpf.ingest.ros1_chunks import bound_chunks
+from scpf.ingest.mcap_read import McapFile
 from scpf.models.errors import DamagedError, InputError
-from scpf.replay import ingest_commands
+from scpf.replay import convert_command
 
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 ROS2 = get_typestore(Stores.ROS2_HUMBLE)
@@ -123,14 +124,17 @@ def test_mcap_keeps_publish_times_sequences_and_order(tmp_path: Path) -> None:
 
 
 def test_topics_and_times_can_be_chosen(tmp_path: Path, ros1_bag: Path) -> None:
-    report = convert([ros1_bag], tmp_path / "a.mcap", include=["/cam*", "/nobody"], start_s=1.0, end_s=2.0)
+    chosen = Options(include=("re:/cam.*", "/nobody"), start_s=1.0, end_s=2.0)
+    report = convert([ros1_bag], tmp_path / "a.mcap", chosen)
     assert (report.messages, report.left_out, report.lossless) == (10, ["/own"], True)
     assert report.notes == ["no topic matches /nobody"]
-    report = convert([ros1_bag], tmp_path / "b.mcap", exclude=["/own"])
+    with pytest.raises(InputError, match="no message lies between"):
+        convert([ros1_bag], tmp_path / "a2.mcap", Options(start_s=1000.0))
+    report = convert([ros1_bag], tmp_path / "b.mcap", Options(exclude=("/own",)))
     assert report.messages == 30
-    for include, exclude in ((["/nobody"], []), ([], ["*"])):
+    for include, exclude in ((("/nobody",), ()), ((), ("*",))):
         with pytest.raises(InputError, match="no topic matches") as caught:
-            convert([ros1_bag], tmp_path / "c.mcap", include=include, exclude=exclude)
+            convert([ros1_bag], tmp_path / "c.mcap", Options(include=include, exclude=exclude))
         assert "/camera/camera_info, /own" in caught.value.hint
     assert not (tmp_path / "c.mcap").exists()
 
@@ -154,7 +158,7 @@ def test_one_bad_topic_costs_that_topic(
     assert not report.lossless
     assert "md5" in report.topics["/own"].problem
     assert (report.topics["/camera/camera_info"].written, report.topics["/own"].written) == (30, 0)
-    assert ingest_commands.convert([ros1_bag], output=tmp_path / "b.mcap") == 3
+    assert convert_command.convert([ros1_bag], output=tmp_path / "b.mcap") == 3
     assert "30 messages left out" in capsys.readouterr().out
 
 
@@ -186,9 +190,13 @@ def test_a_recording_without_messages(tmp_path: Path) -> None:
         assert list(log.messages()) == []
 
 
-def test_damaged_recordings_are_named(tmp_path: Path, ros1_bag: Path) -> None:
-    data = ros1_bag.read_bytes()
-    for name, content in {"cut.bag": data[: len(data) // 2], "none.bag": b"", "x.db3": b"x" * 5000}.items():
+def test_damaged_recordings_are_named(tmp_path: Path) -> None:
+    for name, content in {
+        "none.bag": b"",
+        "odd.bag": b"x" * 500,
+        "x.db3": b"x" * 5000,
+        "x.mcap": b"y" * 99,
+    }.items():
         (tmp_path / name).write_bytes(content)
         with pytest.raises(DamagedError, match=name):
             convert([tmp_path / name], tmp_path / "a.mcap")
@@ -209,33 +217,68 @@ def test_the_real_bags(tmp_path: Path, shared_data: Path) -> None:
         if path.is_file() or (path / "metadata.yaml").exists():
             with AnyReader([path], default_typestore=ROS2) as reader:
                 expected = {topic: info.msgcount for topic, info in reader.topics.items()}
-        output = tmp_path / f"{number}.mcap"
-        report = convert([path], output)
-        assert report.lossless, path
-        with DriveLog(output) as log:
-            counts = {topic: channel.count for topic, channel in log.channels.items()}
+        encodings: tuple[Encoding, ...] = ("ros2", "ros1") if path.suffix == ".bag" else ("ros2",)
+        for encoding in encodings:
+            output = tmp_path / f"{number}.{encoding}.mcap"
+            report = convert([path], output, Options(encoding, verify=True))
+            assert report.lossless, path
+            assert report.verified, path
+            with McapFile(output) as file:
+                counts: dict[str, int] = {channel.topic: 0 for channel in file.index.channels.values()}
+                for record in file.messages():
+                    counts[record.channel.topic] += 1
             assert expected is None or counts == expected, path
-            assert sum(1 for _ in log.messages()) == sum(counts.values())
-        assert report.messages > 0 or path.name == "no-messages.bag"
+            assert report.messages > 0 or path.name == "no-messages.bag"
+
+
+def test_the_same_recording_compressed_in_three_ways(tmp_path: Path, shared_data: Path) -> None:
+    sums = []
+    for name in ("example", "example-bz2", "example-lz4"):
+        for encoding in ("ros1", "ros2"):
+            options = Options(encoding, verify=True)  # type: ignore[arg-type]
+            report = convert(
+                [shared_data / "bags" / f"{name}.bag"], tmp_path / f"{name}.{encoding}.mcap", options
+            )
+            sums.append({found.topic: found.sha256 for found in report.comparisons or ()})
+    assert len(sums[0]) == 9
+    assert sums[0] == sums[2] == sums[4]
+    assert sums[1] == sums[3] == sums[5]
+
+
+def test_raw_bytes_are_those_that_another_reader_finds(tmp_path: Path, shared_data: Path) -> None:
+    path = shared_data / "bags" / "example-lz4.bag"
+    convert([path], tmp_path / "a.mcap", Options("ros1"))
+    theirs: dict[str, list[tuple[int, bytes]]] = {}
+    with Reader1(path) as bag:
+        for connection, stamp_ns, raw in bag.messages():
+            theirs.setdefault(connection.topic, []).append((stamp_ns, bytes(raw)))
+    ours: dict[str, list[tuple[int, bytes]]] = {}
+    with McapFile(tmp_path / "a.mcap") as file:
+        assert file.index.profile == "ros1"
+        channels = list(file.index.channels.values())
+        assert {(c.encoding, c.schema.encoding) for c in channels if c.schema} == {("ros1", "ros1msg")}
+        assert all(len(c.metadata["md5sum"]) == 32 for c in channels)
+        for record in file.messages():
+            ours.setdefault(record.channel.topic, []).append((record.log_time_ns, bytes(record.data)))
+    assert ours == theirs
+
+
+def test_a_database_with_a_damaged_page_gives_the_others(tmp_path: Path) -> None:
+    source = next(rosbag2(tmp_path / "bag", StoragePlugin.SQLITE3, count=2000).glob("*.db3"))
+    data = source.read_bytes()
+    for word, least in ((b"message 1000", 1800), (b"message 0", 1800), (b"message 1999", 1800)):
+        page = data.index(word) // 4096 * 4096
+        source.write_bytes(data[:page] + b"\xff" * 4096 + data[page + 4096 :])
+        report = convert([source], tmp_path / "a.mcap", Options(overwrite=True, verify=True))
+        assert report.verified
+        assert any("damaged pages" in loss for loss in report.losses)
+        with DriveLog(tmp_path / "a.mcap") as log:
+            found = {record.message.data for record in log.messages(["/number"])}
+            texts = [record.message.data for record in log.messages(["/text"])]
+        assert least <= len(found) < 2000
+        assert len(texts) == len(set(texts))
 
 
 def test_images_in_json_say_why_they_are_refused(tmp_path: Path, shared_data: Path) -> None:
     with pytest.raises(InputError, match=r"none of 3 topics can be converted.*'json' are not ROS messages"):
         convert([shared_data / "bags" / "custom-camera-model.mcap"], tmp_path / "a.mcap")
-
-
-@pytest.mark.parametrize("compression", [Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4])
-def test_chunks_of_ros1_bags_are_bounded(
-    tmp_path: Path, compression: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    writer = Writer1(tmp_path / "a.bag")
-    writer.set_compression(compression)
-    with writer as bag:
-        text = bag.add_connection("/text", "std_msgs/msg/String", typestore=ROS1)
-        message = ROS1.types["std_msgs/msg/String"](data="x" * 100_000)
-        bag.write(text, T0, ROS1.serialize_ros1(message, text.msgtype))
-    assert convert([tmp_path / "a.bag"], tmp_path / "a.mcap").messages == 1
-    monkeypatch.setattr(bag_sources, "bound_chunks", lambda reader: bound_chunks(reader, 50_000))
-    with pytest.raises(DamagedError, match=r"a\.bag: ValueError: a chunk unpacks to more than"):
-        convert([tmp_path / "a.bag"], tmp_path / "b.mcap")
-    assert (tmp_path / "b.mcap.partial").exists()
