@@ -15,10 +15,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.ingest import gps_time, grids
+from scpf.ingest import gps_time
 from scpf.ingest.navigation import NativeColumn, NativeTable, Navigation, make_navigation
 from scpf.ingest.read_report import ReadOptions, ReadReport
 from scpf.ingest.text_tables import MAX_COLUMNS, header_lines, read_head, read_rows
+from scpf.models import grids
 from scpf.models.errors import DamagedError, MissingError
 from scpf.models.geodesy import wrap_angle
 

@@ -68,6 +68,7 @@ def build_app(tokens: Sequence[str] = ()) -> App:
         version=version("scpf"),
         help="Replay drive logs through a soft-constrained particle filter; review every frame in Rerun.",
         result_action="return_value",
+        suppress_keyboard_interrupt=False,
     )
     groups = {title: Group.create_ordered(title) for title in ("Replay", "Drive logs", "Models and maps")}
     for group, name, path, text in COMMANDS:

@@ -105,8 +105,14 @@ def replay(
         seed=seed,
         gps=GpsSettings(gps, gps_sigma),
     )
-    with Progress(quiet) as progress:
-        summary = run(log, outputs, settings, Window(start, stop), progress.step, record_timing=timing)
+    try:
+        with Progress(quiet) as progress:
+            summary = run(log, outputs, settings, Window(start, stop), progress.step, record_timing=timing)
+    except KeyboardInterrupt:
+        partial = outputs.recording.with_suffix(".partial.rrd")
+        if partial.exists():
+            print(f"scpf: what was replayed so far is in {partial}", file=sys.stderr)
+        raise
     for warning in summary["warnings"]:
         print(f"scpf: {warning}", file=sys.stderr)
     print(json.dumps(summary, indent=1) if format == "json" else table(summary, outputs))

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -52,3 +56,24 @@ def test_info_in_json_is_json_alone_on_stdout(capsys: pytest.CaptureFixture[str]
     assert run(["info", str(sample), "--format", "json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert "/camera/image/compressed" in json.dumps(report)
+
+
+def test_an_interrupt_is_exit_130_and_says_what_is_left(tmp_path: Path) -> None:
+    """Ctrl-C in the middle of a replay: the recording so far can be opened."""
+    sample = Path(__file__).parent.parent / "sample_logs" / "ring_road.mcap"
+    command = [sys.executable, "-c", "from scpf.replay.cli import main; main()"]
+    command += ["replay", str(sample), "-o", str(tmp_path), "--segmenter", "recorded"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    partial = tmp_path / "ring_road.partial.rrd"
+    for _ in range(600):
+        if partial.exists() and partial.stat().st_size > 1_000_000:
+            break
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, (out, err)
+    assert str(partial) in err
+    assert "interrupted" in err
+    assert not (tmp_path / "ring_road.rrd").exists()
+    rerun = Path(sys.executable).with_name("rerun")
+    assert subprocess.run([rerun, "rrd", "stats", partial], capture_output=True).returncode == 0
