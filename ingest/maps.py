@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.errors import InputError
+from scpf.models.npz import load_arrays
 from scpf.models.road_map import Landmark, RoadMap, from_geojson, to_geojson
 
 Array = NDArray[np.float64]
@@ -109,23 +110,7 @@ def shift_left(line_m: Array, offset_m: float) -> Array:
 
 
 def _array_points(path: Path, key: str | None) -> list[Landmark]:
-    # The size on disk says nothing about a compressed array: the header of each is read first.
-    import zipfile
-
-    if path.suffix.lower() == ".npz":
-        try:
-            with zipfile.ZipFile(path) as archive:
-                if sum(member.file_size for member in archive.infolist()) > MAX_FILE_BYTES:
-                    raise InputError(f"{path} unpacks to more than 256 MiB", "is this a list of points?")
-        except (OSError, zipfile.BadZipFile) as error:
-            raise InputError(f"{path} is not an .npz file ({error})") from error
-    try:
-        loaded = np.load(path, allow_pickle=False)
-        arrays = (
-            {"": loaded} if isinstance(loaded, np.ndarray) else {name: loaded[name] for name in loaded.files}
-        )
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
-        raise InputError(f"{path} cannot be read as numpy arrays ({error})") from error
+    arrays = load_arrays(path, MAX_FILE_BYTES)
     names = ", ".join(sorted(arrays))
     if key is not None and key not in arrays:
         raise InputError(f"{path} holds no array {key!r}", f"it holds: {names}")

@@ -9,8 +9,6 @@ those before saving.
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -24,6 +22,7 @@ from scpf.models.distance_gate import EXPERTS, Gate
 from scpf.models.errors import DamagedError, InputError, MissingError
 from scpf.models.features import FEATURES
 from scpf.models.gaussian_process import GaussianProcess, Hyperparameters
+from scpf.models.npz import load_arrays
 
 FORMAT: Final = "scpf.distance"
 VERSION: Final = 1
@@ -71,7 +70,7 @@ def load(path: Path) -> DistanceModel | CrossFittedDistance:
             f"{path}: no such file", "train one with: scpf train distance LOG --output MODEL.npz"
         )
     try:
-        arrays = _read(path)
+        arrays = load_arrays(path, MAX_BYTES)
         header = json.loads(arrays[HEADER].tobytes())
         if header.get("format") != FORMAT:
             raise InputError(f"{path}: not a distance model", "scpf train distance writes them")
@@ -79,21 +78,10 @@ def load(path: Path) -> DistanceModel | CrossFittedDistance:
             raise InputError(f"{path}: version {header['version']} is newer than this scpf", "update scpf")
         model = _unpack(header["model"], arrays, path)
         return _held_out(model, arrays) if header.get("held_out") else model
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
-        raise DamagedError(f"{path}: cut short or corrupt ({error})", "train or copy it again") from error
     except (KeyError, IndexError, ValueError, TypeError, AttributeError, OverflowError) as error:
         raise DamagedError(
             f"{path}: not a whole distance model ({error})", "train or copy it again"
         ) from error
-
-
-def _read(path: Path) -> Arrays:
-    """Every array of the file; ValueError for a pickled one, BadZipFile for a file that is not an archive."""
-    with zipfile.ZipFile(path) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > MAX_BYTES:
-            raise ValueError("it would unpack to more than 1 GiB")
-    with np.load(path, allow_pickle=False) as members:
-        return {name: members[name] for name in members.files}
 
 
 def _pack(model: DistanceModel, arrays: Arrays) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """Geodetic and local coordinates, and every change of angle convention, in one place.
 
 Applanix: heading clockwise from true North, attitude of a body x forward, y right, z down in North-East-Down.
-Map grids such as UTM, and their North, are in ``grids``. Drive log: ``map`` is East-North-Up, ``body`` x forward, y left, z up, yaw counter-clockwise from East.
+Drive log: ``map`` is East-North-Up, ``body`` x forward, y left, z up, yaw counter-clockwise from East. Map grids such
+as UTM, and their North, are in ``grids``.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ def test_arrays(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_points(path)
     path.write_bytes(b"nothing")
-    with pytest.raises(InputError, match=r"not an .npz"):
+    with pytest.raises(InputError, match=r"not an \.npz"):
         read_points(path)
     np.savez_compressed(path, a=np.zeros((1 << 24, 2)))  # 256 MiB in 260 kB
     with pytest.raises(InputError, match="256 MiB"):
