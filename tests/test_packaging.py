@@ -29,7 +29,9 @@ def test_floors_import_downwards_only() -> None:
 
 
 def test_only_the_recording_side_imports_rerun() -> None:
-    users = {p.stem for name in PACKAGES for p in (ROOT / name).glob("*.py") if "import rerun" in p.read_text()}
+    users = {
+        p.stem for name in PACKAGES for p in (ROOT / name).glob("*.py") if "import rerun" in p.read_text()
+    }
     assert all(name.startswith("recording") or name in ("blueprint", "viewer") for name in users), users
 
 
