@@ -46,14 +46,15 @@ class Passage:
 def passage(channel: BagChannel, first: Bytes | None, encoding: str = "ros2") -> Passage:
     """The passage of a channel into the output. Raises InputError, with the reason, where there is none.
 
-    ``ros1``: the bytes of ROS 1 as they are. ``ros2``: ros2msg and CDR. ROS 2 messages are copied; ``first``, the
-    first of them, shows which definition fits. ROS 1 messages are rewritten byte by byte, and get ROS 2's own
-    definition where the fields agree (so that ``K`` of a CameraInfo becomes ``k``), else the one in the bag.
+    ``ros1``: the bytes of ROS 1 as they are. ``ros2``: ros2msg and CDR. ROS 2 messages are copied; ``first``, the first
+    of them, shows which definition fits; messages that are not ROS at all are copied, too. ROS 1 messages are rewritten
+    byte by byte, and get ROS 2's own definition where the fields agree (so that ``K`` of a CameraInfo becomes ``k``),
+    else the one in the bag.
     """
     if encoding == "ros1":
         return _kept(channel)
     if channel.encoding not in ("ros1", "cdr"):
-        raise InputError(f"messages in {channel.encoding!r} are not ROS messages")
+        return _foreign(channel)
     if len(channel.definition) > MAX_DEFINITION_BYTES:
         raise InputError(f"a type definition of {len(channel.definition)} bytes")
     return _copied(channel, first) if channel.encoding == "cdr" else _rewritten(channel)
@@ -73,6 +74,19 @@ def _kept(channel: BagChannel) -> Passage:
     metadata = {name: value for name, value in metadata.items() if value}
     name = channel.native_type or channel.type
     return Passage(name, channel.definition, encoding="ros1", schema_encoding="ros1msg", metadata=metadata)
+
+
+def _foreign(channel: BagChannel) -> Passage:
+    """Messages that are not ROS (JSON, protobuf …) pass as they are, with their own schema."""
+    note = f"its messages are {channel.encoding}, not ROS: copied as they are"
+    return Passage(
+        channel.type,
+        channel.definition,
+        note=note,
+        encoding=channel.encoding,
+        schema_encoding=channel.definition_format,
+        metadata=dict(channel.metadata),
+    )
 
 
 def _copied(channel: BagChannel, first: Bytes | None) -> Passage:

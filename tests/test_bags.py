@@ -170,10 +170,11 @@ def test_undefined_types_are_copied(tmp_path: Path) -> None:
         odd = log.mcap.add_channel("/json", "x", b"{}", message_encoding="json", schema_encoding="jsonschema")
         for channel in (lying, text, odd):
             log.mcap.add_message(channel, T0, b"\0\1\0\0\5\0\0\0", T0, 0)
-    report = convert([path], tmp_path / "out.mcap")
-    assert not report.lossless
-    assert "'json'" in report.topics["/json"].problem
-    assert [report.topics[topic].written for topic in ("/lying", "/text", "/json")] == [1, 1, 0]
+    report = convert([path], tmp_path / "out.mcap", Options(verify=True))
+    assert report.lossless
+    assert report.verified
+    assert any("json, not ROS" in note for note in report.notes)
+    assert [report.topics[topic].written for topic in ("/lying", "/text", "/json")] == [1, 1, 1]
     assert any("copied without a definition" in note for note in report.notes)
     assert any("Humble's definition is used" in note for note in report.notes)
     with DriveLog(tmp_path / "out.mcap") as log_:
@@ -279,6 +280,12 @@ def test_a_database_with_a_damaged_page_gives_the_others(tmp_path: Path) -> None
         assert len(texts) == len(set(texts))
 
 
-def test_images_in_json_say_why_they_are_refused(tmp_path: Path, shared_data: Path) -> None:
-    with pytest.raises(InputError, match=r"none of 3 topics can be converted.*'json' are not ROS messages"):
-        convert([shared_data / "bags" / "custom-camera-model.mcap"], tmp_path / "a.mcap")
+def test_messages_that_are_not_ros_pass_as_they_are(tmp_path: Path, shared_data: Path) -> None:
+    source = shared_data / "bags" / "custom-camera-model.mcap"
+    report = convert([source], tmp_path / "a.mcap", Options(verify=True))
+    assert (report.messages, report.lossless, report.verified) == (30, True, True)
+    with DriveLog(source) as before, DriveLog(tmp_path / "a.mcap") as after:
+        assert after.channels == before.channels
+        assert {c.schema.encoding for c in after.mcap_channels if c.schema} == {"jsonschema"}
+    with pytest.raises(InputError, match="not ROS 1 messages"):
+        convert([source], tmp_path / "b.mcap", Options(encoding="ros1"))
