@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -121,12 +122,17 @@ def replay(
         results = files.enter_context(
             Results(outputs.results, configuration, to_geojson(road_map) if road_map is not None else None)
         )
+        problems: Counter[str] = Counter()
         total = log.channels[IMAGE_TOPIC].count if IMAGE_TOPIC in log.channels else 0
         done = 0
         for frame in frames:
             if not done:
                 pipeline.start(first_state(log, frame, log.trajectory()))
             step = pipeline.step(frame)
+            if frame.problems:
+                problems.update(kind for kind, _ in frame.problems)
+                told = tuple(("WARN", f"{kind}: {particulars}") for kind, particulars in frame.problems)
+                step = replace(step, notes=(*step.notes, *told))
             if not done and warnings:
                 step = replace(step, notes=(*step.notes, *(("WARN", text) for text in warnings)))
             recording.log(step if record_timing else replace(step, timing_s={}))
@@ -136,7 +142,7 @@ def replay(
         if not done:
             raise InputError(f"{log_path}: no image between {window.start_s} s and {window.stop_s} s")
         summary = results.summary()
-    summary["warnings"] = warnings
+    summary["warnings"] = warnings + [f"{count} × {kind}" for kind, count in problems.items()]
     partial = outputs.summary.with_name(outputs.summary.name + ".partial")
     partial.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     partial.replace(outputs.summary)

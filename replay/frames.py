@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,11 @@ from scpf.replay.settings import GpsSettings
 from scpf.replay.step import Frame
 
 Array = NDArray[np.float64]
+
+LONG_GAP_S: Final = 1.0
+UNREADABLE: Final = "image that cannot be decoded"
+BACKWARDS: Final = "time goes back"
+GAP: Final = "gap before the frame"
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,9 @@ def read_frames(
 ) -> Iterator[Frame]:
     """The log's frames in order. ``recorded`` reads the log's own masks, ``pixels`` decodes the images.
 
-    Raises InputError for an image that cannot be decoded, MissingError where the GPS asked for is not there.
+    What is wrong with a frame stands in its ``problems``, and the replay goes on: an image that cannot be decoded has
+    no landmarks, and no time passes where the clock goes back. Raises MissingError where the GPS asked for is not
+    there.
     """
     trajectory = log.trajectory()
     fixes = None if gps.source in ("none", "emulated") else log.gps()
@@ -75,15 +83,27 @@ def read_frames(
     for index, picture in enumerate(log.images()):
         first_ns = picture.stamp_ns if first_ns is None else first_ns
         seconds = (picture.stamp_ns - first_ns) * 1e-9
-        if seconds < window.start_s:
+        if 0.0 < window.start_s > seconds:  # a clock that goes back is no reason to leave a frame out
             continue
         if seconds >= window.stop_s:
             break
         pose = None if trajectory is None else trajectory.at(picture.stamp_ns)
         interval_s = 0.0 if last_ns is None else (picture.stamp_ns - last_ns) * 1e-9
+        problems: list[tuple[str, str]] = []
+        if interval_s < 0.0:
+            problems.append((BACKWARDS, f"by {-interval_s:.3f} s"))
+        elif interval_s > LONG_GAP_S:
+            problems.append((GAP, f"{interval_s:.3f} s"))
+        image = None
+        if pixels:
+            try:
+                image = decode(picture.data, f"{log.path}: frame {index}")
+            except InputError as error:
+                problems.append((UNREADABLE, error.message))
         fix, variance = None, gps.sigma_m**2
         if fixes is not None:
-            fix, variance = _nearest_fix(fixes, picture.stamp_ns, interval_s)
+            fix, found = _nearest_fix(fixes, picture.stamp_ns, interval_s)
+            variance = found if np.isfinite(found) and found > 0.0 else variance
         elif emulator is not None and pose is not None:
             fix = emulator.fix(index, pose)
         yield Frame(
@@ -91,14 +111,15 @@ def read_frames(
             stamp_ns=picture.stamp_ns,
             encoded=picture.data,
             image_format=picture.format,
-            image=decode(picture.data, f"{log.path}: frame {index}") if pixels else None,
-            dt_s=interval_s,
+            image=image,
+            dt_s=max(interval_s, 0.0),
             T_map_body=pose,
             gps_m=fix,
             gps_variance_m2=variance,
             recorded=tuple(masks.get(picture.stamp_ns, ())),
+            problems=tuple(problems),
         )
-        last_ns = picture.stamp_ns
+        last_ns = picture.stamp_ns if last_ns is None else max(last_ns, picture.stamp_ns)
 
 
 def _nearest_fix(

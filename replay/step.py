@@ -22,7 +22,8 @@ class Frame:
 
     ``image`` (H, W, 3) RGB is None where the segmenter reads no pixels; ``encoded`` are the file's own bytes.
     ``T_map_body`` (4, 4) is the reference pose at the exposure, ``gps_m`` (2,) the rough position; either may be
-    missing. ``recorded`` are the instances that the log itself holds for this frame.
+    missing. ``dt_s`` is the interval since the frame before, never negative. ``recorded`` are the instances that the
+    log itself holds for this frame. ``problems`` say what was wrong with it: kind, and the particulars.
     """
 
     index: int
@@ -35,6 +36,7 @@ class Frame:
     gps_m: Array | None
     gps_variance_m2: float
     recorded: tuple[Instance, ...] = ()
+    problems: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scpf.ingest import messages
 from scpf.ingest.drive_log import DriveLog, DriveLogWriter
+from scpf.ingest.topics import IMAGE_TOPIC
 from scpf.models.errors import InputError, MissingError
-from scpf.replay.frames import Window, decode, first_state, read_frames
+from scpf.replay.frames import BACKWARDS, GAP, UNREADABLE, Window, decode, first_state, read_frames
 from scpf.replay.settings import GpsSettings
 from scpf.replay.step import Frame
 
@@ -99,3 +101,24 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
 def test_damaged_images_are_named(data: bytes) -> None:
     with pytest.raises(InputError, match="frame 3"):
         decode(data, "drive.mcap: frame 3")
+
+
+def test_what_is_wrong_with_a_frame_is_said_and_the_rest_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "bumpy.mcap"
+    with DriveLogWriter(path) as log:
+        for log_s, stamp_s, data in (
+            (1.0, 1.0, jpeg(9)),
+            (1.1, 1.1, b"broken"),
+            (1.2, 0.9, jpeg(9)),
+            (7.0, 7.0, jpeg(9)),
+        ):
+            header = messages.to_header(round(stamp_s * 1e9), "camera")
+            pixels = np.frombuffer(data, dtype=np.uint8)
+            image = messages.make(
+                "sensor_msgs/msg/CompressedImage", header=header, format="jpeg", data=pixels
+            )
+            log.write_message(IMAGE_TOPIC, "sensor_msgs/msg/CompressedImage", image, round(log_s * 1e9))
+    found = frames(path, GpsSettings("none"))
+    assert [[kind for kind, _ in frame.problems] for frame in found] == [[], [UNREADABLE], [BACKWARDS], [GAP]]
+    assert [frame.image is None for frame in found] == [False, True, False, False]
+    np.testing.assert_allclose([frame.dt_s for frame in found], [0.0, 0.1, 0.0, 5.9])
