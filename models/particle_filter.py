@@ -65,13 +65,17 @@ class Belief:
 class FilterSettings:
     """Settings of a filter; the defaults are the paper's.
 
-    ``initial_variance``: variances of the first state's [x, y, vx, vy] (m², m²/s²).
+    ``initial_variance``: variances of the first state's [x, y, vx, vy, …] (m², m²/s², …), one a column.
     ``resample_below``: resample where ESS/N falls below it; 1 resamples at every step.
+    ``recover_after``: steps in a row that are lost before the particles are drawn anew around the fix, or, without
+    one, spread by ``recovery_spread_m``; 0 never recovers, as in the paper.
     """
 
     particles: int = 500
-    initial_variance: tuple[float, float, float, float] = (10.0, 10.0, 2.5, 2.5)
+    initial_variance: tuple[float, ...] = (10.0, 10.0, 2.5, 2.5)
     resample_below: float = 1.0
+    recover_after: int = 0
+    recovery_spread_m: float = 10.0
 
 
 class ParticleFilter:
@@ -83,6 +87,7 @@ class ParticleFilter:
         self._rng = rng
         self._states = np.zeros((0, 4))
         self._log_weights = np.zeros(0)
+        self._lost_steps = 0
 
     def initialise(self, mean: Array) -> Belief:
         """Draw the first particles around ``mean`` (D,)."""
@@ -90,6 +95,7 @@ class ParticleFilter:
         deviation = np.sqrt(np.array(self.settings.initial_variance))
         self._states = mean + self._rng.standard_normal((n, len(mean))) * deviation
         self._log_weights = np.full(n, -np.log(n))
+        self._lost_steps = 0
         return _summary(self._states, self._log_weights, 0.0, "initialising")
 
     def predict(self, dt_s: float) -> Array:
@@ -112,7 +118,26 @@ class ParticleFilter:
         belief = _summary(self._states, self._log_weights, log_evidence, state)
         if belief.ess <= self.settings.resample_below * self.settings.particles:
             self._resample()
+        self._lost_steps = self._lost_steps + 1 if lost else 0
+        if 0 < self.settings.recover_after <= self._lost_steps:
+            self._recover(fix)
         return belief
+
+    def _recover(self, fix: PositionFix | None) -> None:
+        """Spread the particles, so that some come near the truth again; one outlier alone must not do this.
+
+        The next steps' weights decide: the belief that was lost keeps its state, the following say what came of it.
+        """
+        n = len(self._states)
+        spread_m = self.settings.recovery_spread_m if fix is None else float(np.sqrt(fix.variance_m2))
+        states = self._states.copy()
+        centre_m = states[:, :2] if fix is None else fix.position_m
+        states[:, :2] = centre_m + spread_m * self._rng.standard_normal((n, 2))
+        deviation = np.sqrt(np.array(self.settings.initial_variance[2:4]))
+        states[:, 2:4] += deviation * self._rng.standard_normal((n, 2))
+        self._states = states
+        self._log_weights = np.full(n, -np.log(n))
+        self._lost_steps = 0
 
     def _resample(self) -> None:
         n = len(self._log_weights)

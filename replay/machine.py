@@ -16,15 +16,16 @@ from scpf.models.errors import ScpfError
 TESTED_PYTHON: Final = "3.11"
 TESTED: Final = {
     "cyclopts": "5.4.0",
+    "joblib": "1.6.0",
     "lz4": "4.4.5",
     "mcap": "1.6.0",
+    "numba": "0.68.1",
     "numpy": "2.4.6",
     "opencv-python-headless": "5.0.0.93",
     "pillow": "13.0.0",
     "pyproj": "3.7.2",
     "pyyaml": "6.0.3",
     "rerun-sdk": "0.41.0",
-    "rich": "15.0.0",
     "rosbags": "0.11.9",
     "safetensors": "0.8.0",
     "scikit-learn": "1.9.1",

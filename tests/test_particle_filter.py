@@ -95,3 +95,33 @@ def test_resampling_waits_for_a_low_ess() -> None:
     second = filter_.update([], PositionFix(np.zeros(2), 100.0))
     np.testing.assert_array_equal(first.states, second.states)  # not one was redrawn
     assert second.ess < 500
+
+
+def test_a_lost_filter_draws_its_particles_anew_around_the_fix() -> None:
+    truth = np.array([500.0, -80.0])
+    states: dict[int, list[str]] = {}
+    for after in (0, 3):
+        filter_ = build(recover_after=after)
+        filter_.initialise(np.zeros(4))
+        states[after] = []
+        for _ in range(12):
+            filter_.predict(0.1)
+            belief = filter_.update([], PositionFix(truth, 1.0))
+            states[after].append(belief.state)
+        assert (np.hypot(*(belief.mean[:2] - truth)) < 2.0) == (after > 0)
+    assert set(states[0]) == {"lost"}
+    assert states[3][:3] == ["lost"] * 3
+    assert states[3][4:] == ["unconstrained"] * 8
+
+
+def test_without_a_fix_the_lost_spread_until_something_fits() -> None:
+    filter_ = build(recover_after=2, particles=3000)
+    filter_.initialise(np.zeros(4))
+    ring = LandmarkConstraint("a", np.array([0.0, 0.0]), 60.0, 0.25)
+    seen = []
+    for _ in range(30):
+        filter_.predict(0.1)
+        seen.append(filter_.update([ring]))
+    assert seen[0].state == "lost"
+    assert seen[-1].state == "tracking"
+    assert abs(np.hypot(*seen[-1].states[np.argmax(seen[-1].log_weights)][:2]) - 60.0) < 2.0
