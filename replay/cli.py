@@ -25,6 +25,12 @@ COMMANDS: Final = (
         "Render frames of a recording to PNG, without a screen.",
     ),
     (
+        "Replay",
+        "evaluate",
+        "evaluate_command:evaluate",
+        "Compare estimators in Monte Carlo runs of a simulated drive.",
+    ),
+    (
         "Drive logs",
         "ingest",
         "ingest_commands:ingest",

@@ -1,0 +1,115 @@
+"""Monte Carlo evaluation: presets × cases × GPS noise × drives, in parallel, always the same for a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from scpf.models.errors import UsageError
+from scpf.replay.evaluation_metrics import Metrics, measure
+from scpf.replay.evaluation_presets import PRESETS, Estimator
+from scpf.replay.protocol import CASES, FRAMES
+
+SIGMAS_M: Final = (1.0, 3.0, 5.0, 10.0, 15.0, 20.0)
+FEWEST_FRAMES: Final = 50
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to evaluate. ``runs`` Monte Carlo runs are made on each of ``drives`` drives."""
+
+    presets: tuple[str, ...] = ("paper", "pf", "ekf", "default")
+    cases: tuple[str, ...] = ("P", "S0", "S1", "S2")
+    sigmas_m: tuple[float, ...] = (3.0, 10.0)
+    runs: int = 50
+    drives: int = 2
+    frames: int = FRAMES
+    known_matching: bool = False
+    seed: int = 0
+
+    def check(self) -> None:
+        """UsageError where the plan cannot be carried out."""
+        for chosen, known, what in ((self.presets, PRESETS, "preset"), (self.cases, CASES, "case")):
+            for name in chosen:
+                if name not in known:
+                    raise UsageError(f"no {what} {name!r} to evaluate", f"{what}s: {', '.join(known)}")
+        if not self.presets or not self.cases or not self.sigmas_m:
+            raise UsageError("nothing to evaluate", "name at least one preset, case and GPS deviation")
+        if min(self.sigmas_m) <= 0.0 or self.runs < 1 or self.drives < 1 or self.seed < 0:
+            raise UsageError("--sigma, --runs and --drives are positive, --seed is not negative")
+        if not FEWEST_FRAMES <= self.frames <= FRAMES:
+            raise UsageError(f"--frames lies between {FEWEST_FRAMES} and {FRAMES}")
+
+
+@dataclass(frozen=True)
+class Result:
+    """The figures of one preset on one drive of one case at one GPS deviation."""
+
+    preset: str
+    case: str
+    sigma_m: float
+    drive: int
+    metrics: Metrics
+
+    def as_row(self) -> dict[str, Any]:
+        """The result as a flat row."""
+        row: dict[str, Any] = {key: value for key, value in asdict(self).items() if key != "metrics"}
+        return {**row, **asdict(self.metrics)}
+
+
+def evaluate(plan: Plan, jobs: int = 1, backend: str = "loky") -> list[Result]:
+    """Carry out the plan on ``jobs`` workers of a joblib ``backend``; results in the plan's order.
+
+    Every number follows from the plan: neither jobs nor backend change one.
+    """
+    from joblib import Parallel, delayed, parallel_config
+
+    plan.check()
+    tasks = [
+        (PRESETS[preset], case, sigma_m, drive)
+        for preset in plan.presets
+        for case in plan.cases
+        for sigma_m in plan.sigmas_m
+        for drive in range(plan.drives)
+    ]
+    if jobs == 1:
+        return [evaluate_one(plan, *task) for task in tasks]
+    with parallel_config(backend=backend, n_jobs=jobs):
+        results: list[Result] = Parallel()(delayed(evaluate_one)(plan, *task) for task in tasks)
+    return results
+
+
+def evaluate_one(plan: Plan, settings: Estimator, case: str, sigma_m: float, drive: int) -> Result:
+    """All runs of one cell of the plan."""
+    from scpf.replay.evaluation_runs import run_estimator
+    from scpf.replay.protocol import make_scenario
+
+    scenario = make_scenario(CASES[case], plan.seed + drive, plan.frames)
+    seeds = range(plan.seed + 1000 * drive, plan.seed + 1000 * drive + plan.runs)
+    estimates = run_estimator(settings, scenario, sigma_m, seeds, plan.known_matching)
+    truth = scenario.drive
+    metrics = measure(
+        estimates.positions_m, estimates.covariances_m2, truth.positions_m, truth.headings_rad, sigma_m
+    )
+    return Result(settings.name, case, sigma_m, drive, metrics)
+
+
+def pooled(results: Sequence[Result]) -> list[dict[str, Any]]:
+    """One row a preset, case and GPS deviation: means over its drives, sums of runs, worst of maxima."""
+    groups: dict[tuple[str, str, float], list[Metrics]] = {}
+    for result in results:
+        groups.setdefault((result.preset, result.case, result.sigma_m), []).append(result.metrics)
+    rows = []
+    for (preset, case, sigma_m), members in groups.items():
+        row: dict[str, Any] = {"preset": preset, "case": case, "sigma_m": sigma_m}
+        for name in asdict(members[0]):
+            values = [getattr(one, name) for one in members]
+            if name in ("runs", "diverged_runs"):
+                row[name] = sum(values)
+            elif name in ("max_m", "frames"):
+                row[name] = max(values)
+            else:
+                row[name] = sum(values) / len(values)
+        rows.append(row)
+    return rows

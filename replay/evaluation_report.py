@@ -1,0 +1,72 @@
+"""The evaluation's figures as a table for the terminal, JSON and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any, Final
+
+from scpf.replay.evaluation import Plan, Result, pooled
+from scpf.replay.evaluation_presets import PRESETS
+
+COLUMNS: Final = (
+    # key, heading, format
+    ("preset", "preset", "s"),
+    ("case", "case", "s"),
+    ("sigma_m", "σ_v m", ".3g"),
+    ("runs", "runs", "d"),
+    ("mean_m", "mean m", ".2f"),
+    ("median_m", "median", ".2f"),
+    ("rmse_m", "RMSE", ".2f"),
+    ("p95_m", "95 %", ".2f"),
+    ("max_m", "max", ".1f"),
+    ("longitudinal_m", "along", ".2f"),
+    ("lateral_m", "across", ".2f"),
+    ("diverged_runs", "diverged", "d"),
+    ("nees", "NEES", ".1f"),
+    ("inside_95", "in 95 %", ".2f"),
+)
+
+
+def as_table(plan: Plan, results: Sequence[Result]) -> str:
+    """A row a preset, case and GPS deviation, drives pooled."""
+    rows = [[format(row[key], spec) for key, _, spec in COLUMNS] for row in pooled(results)]
+    heads = [head for _, head, _ in COLUMNS]
+    widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
+    lines = []
+    for row in [heads, *rows]:
+        cells = [
+            cell.ljust(w) if k < 2 else cell.rjust(w)
+            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    matching = "known" if plan.known_matching else "unknown"
+    lines.append(f"{plan.drives} drives of {plan.frames} frames, {plan.runs} runs each, matching {matching}")
+    return "\n".join(lines)
+
+
+def as_json(plan: Plan, results: Sequence[Result]) -> str:
+    """Plan, settings of its presets, pooled figures and those of each drive."""
+    from importlib.metadata import version
+
+    document: dict[str, Any] = {
+        "scpf": version("scpf"),
+        "plan": asdict(plan),
+        "presets": {name: asdict(PRESETS[name]) for name in plan.presets},
+        "pooled": pooled(results),
+        "drives": [result.as_row() for result in results],
+    }
+    return json.dumps(document, indent=1, allow_nan=False)
+
+
+def as_csv(results: Sequence[Result]) -> str:
+    """One line a preset, case, GPS deviation and drive."""
+    buffer = io.StringIO()
+    rows = [result.as_row() for result in results]
+    writer = csv.DictWriter(buffer, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue()

@@ -1,0 +1,51 @@
+"""Monte Carlo runs of one estimator over one scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scpf.replay.evaluation_common import INITIAL_DEVIATIONS
+from scpf.replay.evaluation_kalman import KalmanRuns
+from scpf.replay.evaluation_particles import ParticleRuns
+from scpf.replay.evaluation_presets import Estimator
+from scpf.replay.protocol import Scenario, gps_fixes
+from scpf.replay.protocol_drive import FRAME_INTERVAL_S
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """Estimated positions (R, K, 2) and their covariances (R, K, 3: xx, xy, yy) in R runs of K frames."""
+
+    positions_m: Array
+    covariances_m2: Array
+
+
+def run_estimator(
+    settings: Estimator, scenario: Scenario, sigma_m: float, seeds: Sequence[int], known_matching: bool
+) -> Estimates:
+    """Run the estimator once a seed on fixes of deviation ``sigma_m``.
+
+    A run's fixes and first state depend on its seed alone: estimators are compared on the same ones.
+    """
+    drive = scenario.drive
+    fixes = np.empty((len(seeds), *drive.positions_m.shape))
+    first = np.empty((len(seeds), 4))
+    truth = np.concatenate([drive.positions_m[0], drive.velocities_mps[0]])
+    for r, seed in enumerate(seeds):
+        rng = np.random.default_rng([seed, 11])
+        first[r] = truth + INITIAL_DEVIATIONS * rng.standard_normal(4)
+        fixes[r] = gps_fixes(drive, sigma_m, rng)
+    make = KalmanRuns if settings.kind == "kalman" else ParticleRuns
+    runs = make(settings, scenario, sigma_m, first, seeds, known_matching)
+    positions = np.empty((len(seeds), len(drive.positions_m), 2))
+    covariances = np.empty((len(seeds), len(drive.positions_m), 3))
+    for k, detections in enumerate(scenario.detections):
+        mean, covariance = runs.step(0.0 if k == 0 else FRAME_INTERVAL_S, fixes[:, k], detections)
+        positions[:, k], covariances[:, k] = mean[:, :2], covariance
+    return Estimates(positions, covariances)
