@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.association import Match
+from scpf.models.bearing_constraint import HeadingConstraint
 from scpf.models.camera import Camera
 from scpf.models.constraints import (
     Constraint,
@@ -22,12 +24,13 @@ from scpf.models.constraints import (
 )
 from scpf.models.instances import Instance
 from scpf.models.labelling import Label, label
-from scpf.models.motion import ConstantVelocity
+from scpf.models.matched_landmarks import MatchedLandmarks, Sighting
+from scpf.models.motion import ConstantTurnRate, ConstantVelocity, MotionModel, turn_rate_state
 from scpf.models.observation import Distance, Observation
 from scpf.models.particle_filter import Belief, ParticleFilter, PositionFix
 from scpf.models.road_map import RoadMap
 from scpf.models.trajectory import yaw_of
-from scpf.replay.settings import Settings
+from scpf.replay.settings import HeadingSettings, Settings
 from scpf.replay.step import Errors, Frame, Step, Surface
 
 Array = NDArray[np.float64]
@@ -71,17 +74,25 @@ class Pipeline:
         self._distance_model = distance_model
         self._camera = camera
         self._map = road_map if road_map is not None else RoadMap((), np.zeros((0, 2)))
-        self._filter, self._baseline = (
-            ParticleFilter(
-                ConstantVelocity(q), settings.filter, np.random.default_rng([settings.seed, 2, stream])
-            )
-            for stream, q in enumerate((settings.q_m2ps3, settings.baseline_q_m2ps3))
+        streams = [np.random.default_rng([settings.seed, 2, stream]) for stream in (0, 1)]
+        motion: MotionModel = ConstantVelocity(settings.q_m2ps3)
+        filter_settings = settings.filter
+        if settings.heading is not None:
+            motion = ConstantTurnRate(settings.q_m2ps3, settings.heading.q_turn_rad2ps3)
+            variance = (*settings.filter.initial_variance, *settings.heading.initial_variance)
+            filter_settings = replace(settings.filter, initial_variance=variance)
+        self._filter = ParticleFilter(motion, filter_settings, streams[0])
+        self._baseline = ParticleFilter(
+            ConstantVelocity(settings.baseline_q_m2ps3), settings.filter, streams[1]
         )
         self._belief: Belief | None = None
 
     def start(self, mean: Array) -> None:
-        """Draw both filters' first particles around the state ``mean`` (4,)."""
-        self._belief = self._filter.initialise(mean)
+        """Draw both filters' first particles around the state ``mean`` [x, y, vx, vy]."""
+        first = mean
+        if self.settings.heading is not None:
+            first = turn_rate_state(mean[:2], mean[2:4], self._yaw(mean))
+        self._belief = self._filter.initialise(first)
         self._baseline.initialise(mean)
 
     def step(self, frame: Frame) -> Step:
@@ -139,12 +150,15 @@ class Pipeline:
         """The landmark of each observation, sought around the predicted state."""
         if self._belief is None:
             raise RuntimeError("start() comes first")
-        yaw = self._map.direction_near(predicted[:2], predicted[2:4])
-        if yaw is None:
-            yaw = float(np.arctan2(predicted[3], predicted[2]))
+        yaw = float(predicted[4]) if len(predicted) > 4 else self._yaw(predicted)
         return self.settings.matching.match(
             observations, self._map, predicted[:2], self._belief.covariance[:2, :2], yaw
         )
+
+    def _yaw(self, state: Array) -> float:
+        """The heading (rad) of a state without one: the road's direction near it, else that of its velocity."""
+        yaw = self._map.direction_near(state[:2], state[2:4])
+        return float(np.arctan2(state[3], state[2])) if yaw is None else yaw
 
     def _constraints(
         self, observations: Sequence[Observation], matches: Sequence[Match], predicted: Array
@@ -157,6 +171,8 @@ class Pipeline:
             constraints.append(RoadConstraint(segment, self._map.half_width_m, wanted.road_slack_mean_m))
         if wanted.speed:
             constraints.append(SpeedConstraint(wanted.speed_limit_mps, wanted.speed_slack_mean_mps))
+        if self.settings.heading is not None:
+            return [*constraints, *self._with_heading(self.settings.heading, observations, predicted)]
         for observation, match in zip(observations, matches, strict=True):
             mark = self._map.landmark(match.landmark_id) if wanted.landmarks else None
             if mark is not None:
@@ -164,6 +180,31 @@ class Pipeline:
                 variance_m2 = distance.variance_m2 + mark.variance_m2
                 position_m = np.array(mark.position_m[:2])
                 constraints.append(LandmarkConstraint(mark.id, position_m, distance.mean_m, variance_m2))
+        return constraints
+
+    def _with_heading(
+        self, settings: HeadingSettings, observations: Sequence[Observation], predicted: Array
+    ) -> list[Constraint]:
+        """Beyond the paper: the road's direction, and every particle's own match of range and bearing."""
+        constraints: list[Constraint] = []
+        direction = self._map.direction_near(predicted[:2], predicted[2:4])
+        if direction is not None:
+            constraints.append(HeadingConstraint(direction, settings.road_deviation_rad))
+        own_m2 = max((mark.variance_m2 for mark in self._map.landmarks), default=0.0)
+        sightings = [
+            Sighting(
+                seen.distance.mean_m,
+                float(np.sqrt(seen.distance.variance_m2 + own_m2)),
+                seen.bearing_rad,
+                float(np.hypot(settings.bearing_deviation_rad, np.sqrt(own_m2) / seen.distance.mean_m)),
+            )
+            for seen in observations
+            if seen.distance.in_range and seen.distance.mean_m > 0.0
+        ]
+        near = np.hypot(*(self._map.positions_m - predicted[:2]).T) < self.settings.matching.max_distance_m
+        if sightings and near.any() and self.settings.constraints.landmarks:
+            positions = self._map.positions_m[near]
+            constraints.append(MatchedLandmarks(positions, sightings, settings.floor, settings.tempering))
         return constraints
 
     def _surface(self, constraints: Sequence[Constraint], belief: Belief) -> Surface:

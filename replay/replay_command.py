@@ -15,7 +15,7 @@ def replay(
     *,
     output: Annotated[Path, Parameter(alias="-o")] = Path(),
     name: str = "",
-    preset: Literal["paper", "pf"] = "paper",
+    preset: Literal["paper", "default", "pf"] = "paper",
     segmenter: str = "polenet",
     threshold: float = 0.9,
     bfloat16: bool = False,
@@ -49,7 +49,7 @@ def replay(
     name
         What the files are called; the log's own name by default.
     preset
-        The filter's configuration: the paper's, or the plain particle filter.
+        The filter's configuration: the paper's, this project's best (`default`), or the plain particle filter.
     segmenter
         `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
     threshold

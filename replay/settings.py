@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal
 
+import numpy as np
+
 from scpf.models.association import NearestNeighbour
 from scpf.models.errors import UsageError
 from scpf.models.particle_filter import FilterSettings
@@ -36,6 +38,23 @@ class GpsSettings:
 
 
 @dataclass(frozen=True)
+class HeadingSettings:
+    """Beyond the paper: a heading of its own, bearings against it, and matching by every particle for itself.
+
+    ``q_turn_rad2ps3``: noise density of the turn rate. ``bearing_deviation_rad`` weighs bearings,
+    ``road_deviation_rad`` the road's direction. ``tempering``: exponent of the landmarks' log-probability, for errors
+    that last. ``floor``: ε for "none of the mapped landmarks".
+    """
+
+    q_turn_rad2ps3: float = 0.003
+    bearing_deviation_rad: float = float(np.radians(3.0))
+    road_deviation_rad: float = float(np.radians(7.0))
+    tempering: float = 0.21
+    floor: float = 0.001
+    initial_variance: tuple[float, float] = (0.2**2, 0.05**2)
+
+
+@dataclass(frozen=True)
 class SurfaceSettings:
     """The grid on which the constraint surface is recorded, centred on the estimate."""
 
@@ -47,7 +66,8 @@ class SurfaceSettings:
 class Settings:
     """What a replay runs with.
 
-    ``q_m2ps3`` is the motion noise of the scPF, ``baseline_q_m2ps3`` that of the PF beside it.
+    ``q_m2ps3`` is the motion noise of the scPF, ``baseline_q_m2ps3`` that of the PF beside it. ``heading`` None is the
+    paper's filter.
     """
 
     preset: str = "paper"
@@ -61,6 +81,7 @@ class Settings:
     filter: FilterSettings = field(default_factory=FilterSettings)
     constraints: ConstraintSettings = field(default_factory=ConstraintSettings)
     matching: NearestNeighbour = field(default_factory=NearestNeighbour)
+    heading: HeadingSettings | None = None
     gps: GpsSettings = field(default_factory=GpsSettings)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
 
@@ -71,13 +92,15 @@ class Settings:
 
 PRESETS: Final[dict[str, Settings]] = {
     "paper": Settings(),
+    "default": Settings(preset="default", q_m2ps3=1.0, heading=HeadingSettings()),
     "pf": Settings(
         preset="pf",
         q_m2ps3=4.0,
         constraints=ConstraintSettings(landmarks=False, road=False, speed=False),
     ),
 }
-"""``paper``: the paper's scPF. ``pf``: the same filter without any constraint, with the paper's motion noise for it."""
+"""``paper``: the paper's scPF. ``default``: the best of this project, see docs/EVALUATION.md. ``pf``: the paper's
+filter without any constraint, with its motion noise for it."""
 
 
 def preset(name: str) -> Settings:

@@ -19,8 +19,8 @@ SCPF = Path(sys.executable).with_name("scpf")
 RERUN = Path(sys.executable).with_name("rerun")
 
 
-def replay(folder: Path) -> dict[str, Any]:
-    done = subprocess.run([SCPF, "replay", SAMPLE, "-o", folder], capture_output=True, text=True)
+def replay(folder: Path, *options: str) -> dict[str, Any]:
+    done = subprocess.run([SCPF, "replay", SAMPLE, "-o", folder, *options], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == str(folder / "ring_road.json")
     return dict(json.loads((folder / "ring_road.json").read_text()))
@@ -64,4 +64,11 @@ def test_the_sample_drive_gives_the_stored_figures(runs: tuple[Path, Path, dict[
     detections = summary["detections"]
     assert detections["matched"] == pytest.approx(194, abs=15)
     assert detections["matched_wrong"] == 0
+    assert summary["states"] == {"tracking": 110}
+
+
+def test_the_default_preset_halves_the_error(tmp_path: Path) -> None:
+    summary = replay(tmp_path, "--preset", "default")
+    assert summary["errors"]["baseline_position"]["mean"] == pytest.approx(1.266, abs=0.01)
+    assert summary["errors"]["position"]["mean"] == pytest.approx(0.62, abs=0.12)
     assert summary["states"] == {"tracking": 110}
