@@ -19,17 +19,16 @@ from numpy.typing import NDArray
 
 from scpf.ingest import gps_time
 from scpf.ingest.byte_streams import Buffer, open_stream
-from scpf.ingest.navigation import NativeColumn, NativeTable, Navigation, make_navigation, rms_at
+from scpf.ingest.navigation import Navigation
 from scpf.ingest.read_report import ReadOptions, ReadReport
+from scpf.ingest.real_time_records import AXES, native_table, navigation_of
 from scpf.models.errors import DamagedError
-from scpf.models.geodesy import wrap_angle
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Records = NDArray[np.void]
 
 _START: Final = re.compile(rb"\x02.\x40", re.DOTALL)
-_AXES: Final = ("longitudinal", "transverse", "down")
 _TIME_STATUS: Final = (
     ("week", ">u2", "week"),
     ("time", ">u4", "ms of GPS week"),
@@ -46,8 +45,8 @@ _FIELDS: Final[dict[int, tuple[tuple[str, str, str], ...]]] = {
         ("speed", ">f4", "m/s"),
         *((name, ">f8", "deg") for name in ("roll", "pitch", "heading")),
         ("track", ">f8", "deg"),
-        *((f"{axis}_angular_rate", ">f4", "deg/s") for axis in _AXES),
-        *((f"{axis}_acceleration", ">f4", "m/s²") for axis in _AXES),
+        *((f"{axis}_angular_rate", ">f4", "deg/s") for axis in AXES),
+        *((f"{axis}_acceleration", ">f4", "m/s²") for axis in AXES),
     ),
     50: (
         *_TIME_STATUS,
@@ -143,8 +142,8 @@ def read(path: Path, options: ReadOptions) -> Navigation:
     near = _near_week(records, options, stream.captured_unix_s)
     stamps = {number: _stamps(table, near, offset) for number, table in tables.items()}
     native = {
-        f"gsof_{number}": NativeTable(
-            stamps[number], {name: NativeColumn(table[name], unit) for name, _, unit in _FIELDS[number]}
+        f"gsof_{number}": native_table(
+            table, stamps[number], {name: unit for name, _, unit in _FIELDS[number]}
         )
         for number, table in tables.items()
         if len(table)
@@ -152,17 +151,7 @@ def read(path: Path, options: ReadOptions) -> Navigation:
     aligning = int((records["alignment"] != FULL_NAVIGATION).sum())
     if aligning:
         report.notes.append(f"{aligning} of {len(records)} records are not in full navigation (alignment 4)")
-    columns = {
-        "velocity_enu_mps": _columns(records, "east_velocity", "north_velocity", "down_velocity")
-        * [1, 1, -1],
-        "roll_rad": np.radians(_columns(records, "roll")[:, 0]),
-        "pitch_rad": np.radians(_columns(records, "pitch")[:, 0]),
-        "heading_rad": wrap_angle(np.radians(_columns(records, "heading")[:, 0])),
-        "rates_radps": np.radians(_columns(records, *(f"{axis}_angular_rate" for axis in _AXES))),
-        "accelerations_mps2": _columns(records, *(f"{axis}_acceleration" for axis in _AXES)),
-    } | _accuracies(stamps, tables[50])
-    latitude, longitude, altitude = _columns(records, "latitude", "longitude", "altitude").T
-    return make_navigation(report, stamps[49], (latitude, longitude, altitude), native, columns)
+    return navigation_of(report, records, stamps[49], tables[50], stamps[50], native)
 
 
 def _tables(data: Buffer, report: ReadReport) -> dict[int, Records]:
@@ -215,24 +204,3 @@ def _stamps(records: Records, near: int | None, offset: int | None) -> Stamps:
         weeks = np.array([gps_time.full_week(int(week), near) for week in found], dtype=np.int64)[places]
     gps_ns = (np.where(valid, weeks, 0) * gps_time.WEEK_S * 1000 + milliseconds) * 10**6
     return np.where(valid, gps_time.utc_ns(gps_ns, offset), 0)
-
-
-def _columns(table: Records, *names: str) -> Array:
-    """Columns (N, M) as float64, with NaN for infinite numbers: not known is what they mean."""
-    with np.errstate(invalid="ignore"):  # the cast complains of signalling NaNs
-        values = np.column_stack([table[name].astype(np.float64) for name in names])
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def _accuracies(stamps: dict[int, Stamps], records: Records) -> dict[str, Array]:
-    if not len(records):
-        return {}
-
-    def joined(*names: str) -> Array:
-        return rms_at(stamps[49], stamps[50], _columns(records, *names))
-
-    return {
-        "position_rms_m": joined("east_position_rms", "north_position_rms", "down_position_rms"),
-        "velocity_rms_mps": joined("east_velocity_rms", "north_velocity_rms", "down_velocity_rms"),
-        "attitude_rms_rad": np.radians(joined("roll_rms", "pitch_rms", "heading_rms")),
-    }

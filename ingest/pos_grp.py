@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from scpf.ingest import gps_time
 from scpf.ingest.byte_streams import open_stream
-from scpf.ingest.navigation import NativeColumn, NativeTable, Navigation, make_navigation, rms_at
-from scpf.ingest.pos_grp_messages import AXES, FIELDS, messages, read_tables
+from scpf.ingest.navigation import Navigation
+from scpf.ingest.pos_grp_messages import FIELDS, messages, read_tables
 from scpf.ingest.read_report import ReadOptions, ReadReport
+from scpf.ingest.real_time_records import native_table, navigation_of
 from scpf.models.errors import DamagedError
-from scpf.models.geodesy import wrap_angle
 
 Array = NDArray[np.float64]
 Records = NDArray[np.void]
@@ -56,25 +56,14 @@ def read(path: Path, options: ReadOptions) -> Navigation:
     week = _week(str(path), options, first, tables[3], seconds[3][0], stream.captured_unix_s, report)
     stamps = {number: _stamps(week, first, *seconds[number], offset) for number in tables}
     native = {
-        f"grp_{number}": NativeTable(
-            stamps[number], {name: NativeColumn(table[name], unit) for name, _, unit in FIELDS[number]}
-        )
+        f"grp_{number}": native_table(table, stamps[number], {name: unit for name, _, unit in FIELDS[number]})
         for number, table in tables.items()
         if len(table)
     }
     aligning = int((group1["alignment_status"] != 0).sum())
     if aligning:
         report.notes.append(f"{aligning} of {len(group1)} records are not in full navigation (alignment 0)")
-    columns = {
-        "velocity_enu_mps": _columns(group1, "east_velocity", "north_velocity", "down_velocity") * [1, 1, -1],
-        "roll_rad": np.radians(_columns(group1, "roll")[:, 0]),
-        "pitch_rad": np.radians(_columns(group1, "pitch")[:, 0]),
-        "heading_rad": wrap_angle(np.radians(_columns(group1, "heading")[:, 0])),
-        "rates_radps": np.radians(_columns(group1, *(f"{axis}_angular_rate" for axis in AXES))),
-        "accelerations_mps2": _columns(group1, *(f"{axis}_acceleration" for axis in AXES)),
-    } | _accuracies(stamps, tables[2])
-    latitude, longitude, altitude = _columns(group1, "latitude", "longitude", "altitude").T
-    return make_navigation(report, stamps[1], (latitude, longitude, altitude), native, columns)
+    return navigation_of(report, group1, stamps[1], tables[2], stamps[2], native)
 
 
 def _seconds_of_week(table: Records) -> tuple[Array, NDArray[np.bool_]]:
@@ -145,24 +134,3 @@ def _stamps(
     if utc.any():
         stamps[utc & known] = gps_time.stamps_of_week(start, seconds, 0)[utc & known]
     return stamps
-
-
-def _columns(table: Records, *names: str) -> Array:
-    """Columns (N, M) as float64, with NaN for infinite numbers: not known is what they mean."""
-    with np.errstate(invalid="ignore"):  # the cast complains of signalling NaNs
-        values = np.column_stack([table[name].astype(np.float64) for name in names])
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def _accuracies(stamps: dict[int, NDArray[np.int64]], group2: Records) -> dict[str, Array]:
-    if not len(group2):
-        return {}
-
-    def joined(*names: str) -> Array:
-        return rms_at(stamps[1], stamps[2], _columns(group2, *names))
-
-    return {
-        "position_rms_m": joined("east_position_rms", "north_position_rms", "down_position_rms"),
-        "velocity_rms_mps": joined("east_velocity_rms", "north_velocity_rms", "down_velocity_rms"),
-        "attitude_rms_rad": np.radians(joined("roll_rms", "pitch_rms", "heading_rms")),
-    }

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from scpf.ingest.byte_streams import Buffer
 from scpf.ingest.read_report import ReadReport
+from scpf.ingest.real_time_records import AXES
 
 Records = NDArray[np.void]
 
-AXES: Final = ("longitudinal", "transverse", "down")
 _START: Final = re.compile(rb"\$(?:GRP|MSG)")
 _HEADER: Final = struct.Struct("<4sHH")
 _TAGFIELDS: Final = (
