@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from scpf.ingest.assemble import sha256
 from scpf.ingest.drive_log import DriveLog
 from scpf.ingest.topics import IMAGE_TOPIC
 from scpf.models.camera import Camera
@@ -71,14 +71,14 @@ def replay(
     # Matrices of a step are small: a second BLAS thread costs ten times what it saves.
     with threadpool_limits(1, "blas"), DriveLog(log_path) as log, ExitStack() as files:
         warnings: list[str] = []
-        camera, road_map = log.camera(), log.road_map()
+        camera, road_map, trajectory = log.camera(), log.road_map(), log.trajectory()
         model = None if camera is None else _distance_model(settings.distance_model, camera)
         warnings += [
             f"the log has no {what}: {consequence}"
             for missing, what, consequence in (
                 (camera is None, "calibration", "no distances, no landmark constraints"),
                 (road_map is None, "map", "no road and no landmark constraints"),
-                (log.trajectory() is None, "reference trajectory", "no errors"),
+                (trajectory is None, "reference trajectory", "no errors"),
             )
             if missing
         ]
@@ -89,7 +89,7 @@ def replay(
                 "stop_s": None if window.stop_s == float("inf") else window.stop_s,
             },
             "log": log_path.name,
-            "log_sha256": _digest(log_path),
+            "log_sha256": sha256(log_path),
             "versions": {package: version(package) for package in REPORTED_PACKAGES},
             "distance_model": dict(model.metadata) if model is not None else {},
         }
@@ -103,6 +103,7 @@ def replay(
         recorded = settings.segmenter == RECORDED
         frames = read_frames(
             log,
+            trajectory,
             settings.gps,
             settings.seed,
             window,
@@ -127,7 +128,7 @@ def replay(
         done = 0
         for frame in frames:
             if not done:
-                pipeline.start(first_state(log, frame, log.trajectory()))
+                pipeline.start(first_state(log, frame, trajectory))
             step = pipeline.step(frame)
             if frame.problems:
                 problems.update(kind for kind, _ in frame.problems)
@@ -160,15 +161,6 @@ def _distance_model(name: str, camera: Camera) -> DistanceModel | CrossFittedDis
     model = distance_file.load(path)
     model.check_camera(camera)
     return model
-
-
-def _digest(path: Path) -> str:
-    """SHA-256 of a file, in pieces of a megabyte."""
-    digest = sha256()
-    with path.open("rb") as file:
-        while piece := file.read(1 << 20):
-            digest.update(piece)
-    return digest.hexdigest()
 
 
 def about(log_name: str, configuration: dict[str, Any]) -> str:

@@ -59,15 +59,23 @@ class GpsEmulator:
 
 
 def read_frames(
-    log: DriveLog, gps: GpsSettings, seed: int, window: Window, *, recorded: bool, pixels: bool
+    log: DriveLog,
+    trajectory: Trajectory | None,
+    gps: GpsSettings,
+    seed: int,
+    window: Window,
+    *,
+    recorded: bool,
+    pixels: bool,
 ) -> Iterator[Frame]:
-    """The log's frames in order. ``recorded`` reads the log's own masks, ``pixels`` decodes the images.
+    """The log's frames in order, posed by its ``trajectory``.
+
+    ``recorded`` reads the log's own masks, ``pixels`` decodes the images.
 
     What is wrong with a frame stands in its ``problems``, and the replay goes on: an image that cannot be decoded has
     no landmarks, and no time passes where the clock goes back. Raises MissingError where the GPS asked for is not
     there.
     """
-    trajectory = log.trajectory()
     fixes = None if gps.source in ("none", "emulated") else log.gps()
     if gps.source == "log" and fixes is None:
         raise MissingError(f"{log.path}: no rough GPS in the log", "use --gps emulated")

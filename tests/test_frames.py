@@ -40,7 +40,9 @@ def drive(tmp_path: Path) -> Path:
 
 def frames(path: Path, gps: GpsSettings, window: Window | None = None, seed: int = 0) -> list[Frame]:
     with DriveLog(path) as log:
-        return list(read_frames(log, gps, seed, window or Window(), recorded=False, pixels=True))
+        return list(
+            read_frames(log, log.trajectory(), gps, seed, window or Window(), recorded=False, pixels=True)
+        )
 
 
 def test_poses_are_interpolated_to_the_exposure(drive: Path) -> None:
@@ -79,7 +81,11 @@ def test_the_window_ends_before_its_stop(drive: Path) -> None:
 
 def test_the_first_state_is_the_reference_s_with_its_velocity(drive: Path) -> None:
     with DriveLog(drive) as log:
-        frame = next(read_frames(log, GpsSettings("none"), 0, Window(0.35), recorded=False, pixels=False))
+        frame = next(
+            read_frames(
+                log, log.trajectory(), GpsSettings("none"), 0, Window(0.35), recorded=False, pixels=False
+            )
+        )
         np.testing.assert_allclose(
             first_state(log, frame, log.trajectory()), [3.85, 0.0, 10.0, 0.0], atol=1e-6
         )
