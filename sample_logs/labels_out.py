@@ -1,0 +1,142 @@
+"""Training sets on disk: labelme's JSON beside each picture, COCO's one JSON, or id images for `scpf train segmenter`.
+
+labelme: polygons through the centres of the boundary's pixels, which its own ``shape_to_mask`` fills to the same mask;
+the parts of a pole that something divides share a ``group_id``. COCO: uncompressed run lengths, which hold the mask
+exactly (https://cocodataset.org/#format-data, "Object Detection").
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import cv2
+import numpy as np
+
+from scpf.models.instances import Instance, encode_runs
+from scpf.sample_logs.finished_frames import FinishedFrame, SeenPole, full_masks, write_whole
+
+LabelFormat = Literal["labelme", "coco", "ids"]
+
+CLASS: Final = "light_pole"
+NOT_JUDGED: Final = 255
+LEAST_FRACTION: Final = 0.25
+LEAST_HEIGHT_SHARE: Final = 0.03
+"""In id images, a pole of which less shows, or that is lower (of the picture's height), may be found or not."""
+
+
+def write_labels(
+    folder: Path, frames: Iterator[tuple[str, FinishedFrame]], labels: LabelFormat, about: dict[str, Any]
+) -> int:
+    """Write pictures and labels of named frames into ``folder``; returns the number of labelled poles.
+
+    ``about``: how the set was made; it goes into COCO's ``info``, and into ``about.json`` of the others.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if labels == "coco":
+        return _write_coco(folder, frames, about)
+    write: Callable[[Path, str, FinishedFrame], None] = _write_labelme if labels == "labelme" else _write_ids
+    poles = 0
+    for name, frame in frames:
+        write_whole(folder / f"{name}.jpg", frame.jpeg)
+        write(folder, name, frame)
+        poles += len(frame.poles)
+    write_whole(folder / "about.json", _json(about))
+    return poles
+
+
+def _write_labelme(folder: Path, name: str, frame: FinishedFrame) -> None:
+    shapes = []
+    for number, pole in enumerate(frame.poles, 1):
+        note = f"{pole.distance_m:.2f} m, {100 * pole.visible_fraction:.0f} % visible"
+        for points in _outlines(pole.instance):
+            shape = {
+                "label": CLASS,
+                "points": points,
+                "group_id": number,
+                "description": note,
+                "shape_type": "polygon",
+                "flags": {},
+            }
+            shapes.append(shape)
+    document: dict[str, Any] = {
+        "version": "5.5.0",
+        "flags": {},
+        "shapes": shapes,
+        "imagePath": f"{name}.jpg",
+        "imageData": None,
+        "imageHeight": frame.height_px,
+        "imageWidth": frame.width_px,
+    }
+    write_whole(folder / f"{name}.json", _json(document))
+
+
+def _outlines(instance: Instance) -> list[list[list[float]]]:
+    """The outer outline of each part of the mask, as points (x, y) in pixels of the picture."""
+    parts, _ = cv2.findContours(instance.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    found = []
+    for part in parts:
+        points = (part[:, 0, :] + np.array(instance.offset_px)).astype(float).tolist()
+        # labelme wants three points of a polygon: a part of one pixel, or one pixel wide, repeats its last.
+        points += [points[-1]] * (3 - len(points))
+        found.append(points)
+    return found
+
+
+def _write_ids(folder: Path, name: str, frame: FinishedFrame) -> None:
+    ids = np.zeros((frame.height_px, frame.width_px), dtype=np.uint8)
+    for number, (pole, mask) in enumerate(zip(frame.poles, full_masks(frame), strict=True), 1):
+        ids[mask] = number if number < NOT_JUDGED and _is_judged(pole, frame) else NOT_JUDGED
+    done, data = cv2.imencode(".png", ids)
+    assert done
+    write_whole(folder / f"{name}.png", data.tobytes())
+
+
+def _is_judged(pole: SeenPole, frame: FinishedFrame) -> bool:
+    high_enough = pole.instance.height_px >= LEAST_HEIGHT_SHARE * frame.height_px
+    return high_enough and pole.visible_fraction >= LEAST_FRACTION
+
+
+def _write_coco(folder: Path, frames: Iterator[tuple[str, FinishedFrame]], about: dict[str, Any]) -> int:
+    pictures = folder / "images"
+    pictures.mkdir(exist_ok=True)
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for number, (name, frame) in enumerate(frames, 1):
+        write_whole(pictures / f"{name}.jpg", frame.jpeg)
+        image = {
+            "id": number,
+            "file_name": f"{name}.jpg",
+            "width": frame.width_px,
+            "height": frame.height_px,
+            **frame.facts,
+        }
+        images.append(image)
+        for pole, mask in zip(frame.poles, full_masks(frame), strict=True):
+            x1, y1, x2, y2 = pole.instance.box_px
+            annotation = {
+                "id": len(annotations) + 1,
+                "image_id": number,
+                "category_id": 1,
+                "segmentation": {"size": list(mask.shape), "counts": encode_runs(mask).tolist()},
+                "area": int(mask.sum()),
+                "bbox": [x1, y1, x2 - x1, y2 - y1],
+                "iscrowd": 0,
+                "distance_m": pole.distance_m,
+                "visible_fraction": pole.visible_fraction,
+            }
+            annotations.append(annotation)
+    document = {
+        "info": {"description": "simulated light poles", **about},
+        "images": images,
+        "annotations": annotations,
+        "categories": [{"id": 1, "name": CLASS, "supercategory": "street"}],
+    }
+    write_whole(folder / "instances.json", _json(document))
+    return len(annotations)
+
+
+def _json(document: Any) -> bytes:
+    return (json.dumps(document, indent=1) + "\n").encode()
