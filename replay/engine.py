@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from math import isinf
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from scpf.models.cross_fitted import CrossFittedDistance
 from scpf.models.distance import DistanceModel
 from scpf.models.errors import InputError, MissingError
 from scpf.models.road_map import to_geojson
+from scpf.replay.ahead import Ahead
 from scpf.replay.frames import Window, first_state, read_frames
 from scpf.replay.pipeline import Pipeline
 from scpf.replay.recording import Recording
@@ -86,20 +89,16 @@ def replay(
             "settings": settings.as_dict(),
             "window": {
                 "start_s": window.start_s,
-                "stop_s": None if window.stop_s == float("inf") else window.stop_s,
+                "stop_s": None if isinf(window.stop_s) else window.stop_s,
+                "rate_hz": None if isinf(window.rate_hz) else window.rate_hz,
             },
             "log": log_path.name,
             "log_sha256": sha256(log_path),
             "versions": {package: version(package) for package in REPORTED_PACKAGES},
             "distance_model": dict(model.metadata) if model is not None else {},
         }
-        pipeline = Pipeline(
-            settings,
-            build(settings.segmenter, settings.score_threshold, settings.bfloat16),
-            model,
-            camera,
-            road_map,
-        )
+        ahead = Ahead(build(settings.segmenter, settings.score_threshold, settings.bfloat16))
+        pipeline = Pipeline(settings, ahead, model, camera, road_map)
         recorded = settings.segmenter == RECORDED
         frames = read_frames(
             log,
@@ -125,11 +124,12 @@ def replay(
         )
         problems: Counter[str] = Counter()
         total = log.channels[IMAGE_TOPIC].count if IMAGE_TOPIC in log.channels else 0
-        done = 0
-        for frame in frames:
+        done, begun, first_ns = 0, 0.0, 0
+        for frame in files.enter_context(closing(ahead.frames(frames))):
             if not done:
                 pipeline.start(first_state(log, frame, trajectory))
             step = pipeline.step(frame)
+            step = replace(step, timing_s={**step.timing_s, "segmentation": ahead.seconds})
             if frame.problems:
                 problems.update(kind for kind, _ in frame.problems)
                 told = tuple(("WARN", f"{kind}: {particulars}") for kind, particulars in frame.problems)
@@ -139,10 +139,18 @@ def replay(
             recording.log(step if record_timing else replace(step, timing_s={}))
             results.log(step)
             done += 1
+            if done == 1:
+                # The first frame pays for loading the network: the rate counts from its end.
+                begun, first_ns = time.perf_counter(), frame.stamp_ns
             on_step(step, done, total)
         if not done:
             raise InputError(f"{log_path}: no image between {window.start_s} s and {window.stop_s} s")
+        elapsed_s = max(time.perf_counter() - begun, 1e-9)
         summary = results.summary()
+        summary["rate"] = {
+            "frames_per_s": (done - 1) / elapsed_s,
+            "real_time_factor": (frame.stamp_ns - first_ns) * 1e-9 / elapsed_s,
+        }
     summary["warnings"] = warnings + [f"{count} × {kind}" for kind, count in problems.items()]
     partial = outputs.summary.with_name(outputs.summary.name + ".partial")
     partial.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")

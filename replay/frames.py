@@ -26,10 +26,37 @@ GAP: Final = "gap before the frame"
 
 @dataclass(frozen=True)
 class Window:
-    """The part of a log to replay, in seconds after its first image; ``stop_s`` is exclusive."""
+    """The part of a log to replay, in seconds after its first image; ``stop_s`` is exclusive.
+
+    ``rate_hz`` thins the frames: the first at or after each tick of that rate is kept. A rate that the camera does not
+    reach keeps them all.
+    """
 
     start_s: float = 0.0
     stop_s: float = float("inf")
+    rate_hz: float = float("inf")
+
+
+class Thinning:
+    """Which frames are kept at ``rate_hz``, told one after the other by their times.
+
+    The ticks are counted from the first frame, so that a camera's jitter does not add up; after a gap they go on from
+    where the log is.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._interval_s = 1.0 / rate_hz
+        self._tick = -1
+
+    def keeps(self, seconds: float) -> bool:
+        """Whether the frame at ``seconds`` after the first is to be kept: it is the first of its tick."""
+        if self._interval_s == 0.0:
+            return True
+        # A tenth of an interval early still counts as this tick: triggers jitter to both sides.
+        tick = int(np.floor(seconds / self._interval_s + 0.1))
+        kept = tick != self._tick
+        self._tick = tick
+        return kept
 
 
 def decode(encoded: bytes | memoryview, place: str) -> Image:
@@ -88,6 +115,7 @@ def read_frames(
 
     first_ns: int | None = None
     last_ns: int | None = None
+    thinning = Thinning(window.rate_hz)
     for index, picture in enumerate(log.images()):
         first_ns = picture.stamp_ns if first_ns is None else first_ns
         seconds = (picture.stamp_ns - first_ns) * 1e-9
@@ -95,6 +123,8 @@ def read_frames(
             continue
         if seconds >= window.stop_s:
             break
+        if not thinning.keeps(seconds):
+            continue
         pose = None if trajectory is None else trajectory.at(picture.stamp_ns)
         interval_s = 0.0 if last_ns is None else (picture.stamp_ns - last_ns) * 1e-9
         problems: list[tuple[str, str]] = []
@@ -114,6 +144,8 @@ def read_frames(
             variance = found if np.isfinite(found) and found > 0.0 else variance
         elif emulator is not None and pose is not None:
             fix = emulator.fix(index, pose)
+        if any(begin <= seconds < end for begin, end in gps.outages_s):
+            fix = None
         yield Frame(
             index=index,
             stamp_ns=picture.stamp_ns,

@@ -23,6 +23,8 @@ def replay(
     gps: Literal["auto", "log", "emulated", "none"] = "auto",
     gps_sigma: float = 3.0,
     seed: int = 0,
+    gps_outage: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    rate: float = float("inf"),
     start: float = 0.0,
     stop: float = float("inf"),
     timing: bool = False,
@@ -39,6 +41,8 @@ def replay(
         scpf replay sample_logs/ring_road.mcap -o out
 
         scpf replay drive.mcap -o out --name no-gps --gps none --segmenter recorded
+
+        scpf replay drive.mcap -o out --rate 13 --gps-outage 20:80
 
     Parameters
     ----------
@@ -65,6 +69,10 @@ def replay(
         Standard deviation a axis of the emulated GPS, m.
     seed
         Seed of GPS noise and particles: the same seed gives the same results.
+    gps_outage
+        No GPS from A to B, as A:B in seconds after the log's first image; may be given several times.
+    rate
+        Thin the log's frames to this many a second; by default all are replayed.
     start
         Where to begin, seconds after the log's first image.
     stop
@@ -92,6 +100,9 @@ def replay(
         raise UsageError(f"--gps-sigma {gps_sigma}: a standard deviation is positive")
     if not 0 <= start < stop:
         raise UsageError(f"--start {start:g} --stop {stop:g}: nothing lies between them")
+    if not rate > 0:
+        raise UsageError(f"--rate {rate:g}: a rate is positive")
+    outages_s = tuple(_outage(text) for text in gps_outage)
     outputs = Outputs.of(output, name or log.stem)
     if not overwrite:
         outputs.refuse_existing()
@@ -103,11 +114,12 @@ def replay(
         bfloat16=bfloat16,
         distance_model=distance_model,
         seed=seed,
-        gps=GpsSettings(gps, gps_sigma),
+        gps=GpsSettings(gps, gps_sigma, outages_s),
     )
     try:
         with Progress(quiet) as progress:
-            summary = run(log, outputs, settings, Window(start, stop), progress.step, record_timing=timing)
+            window = Window(start, stop, rate)
+            summary = run(log, outputs, settings, window, progress.step, record_timing=timing)
     except KeyboardInterrupt:
         partial = outputs.recording.with_suffix(".partial.rrd")
         if partial.exists():
@@ -117,6 +129,20 @@ def replay(
         print(f"scpf: {warning}", file=sys.stderr)
     print(json.dumps(summary, indent=1) if format == "json" else table(summary, outputs))
     return 3 if summary["warnings"] else 0
+
+
+def _outage(text: str) -> tuple[float, float]:
+    """The interval of ``A:B`` in seconds."""
+    from scpf.models.errors import UsageError
+
+    begin, _, end = text.partition(":")
+    try:
+        interval = (float(begin), float(end))
+    except ValueError:
+        interval = (0.0, 0.0)
+    if not interval[0] < interval[1]:
+        raise UsageError(f"--gps-outage {text}: not an interval", "write A:B, seconds after the first image")
+    return interval
 
 
 def table(summary: dict[str, Any], outputs: Any) -> str:
@@ -129,4 +155,10 @@ def table(summary: dict[str, Any], outputs: Any) -> str:
                 f"{label:<24} mean {errors['mean']:.2f} m   median {errors['median']:.2f}"
                 f"   95 % {errors['p95']:.2f}   worst {errors['max']:.2f}"
             )
+    poles, rate = summary["poles_per_frame"], summary["rate"]
+    counted = "   ".join(f"{number}: {count}" for number, count in poles.items())
+    rows.append(f"{'poles a frame':<24} {counted}")
+    rows.append(
+        f"{'rate':<24} {rate['frames_per_s']:.1f} frames/s   {rate['real_time_factor']:.2f} × real time"
+    )
     return "\n".join([*rows, *(f"{path}" for path in (outputs.recording, outputs.results, outputs.summary))])

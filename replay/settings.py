@@ -30,11 +30,13 @@ class ConstraintSettings:
 class GpsSettings:
     """The rough GPS: the log's own, or the reference disturbed by white noise of ``sigma_m`` a axis, or none.
 
-    ``auto`` takes the log's own where it has one, else emulates it.
+    ``auto`` takes the log's own where it has one, else emulates it. ``outages_s``: intervals (from, until) without a
+    fix, in seconds after the log's first image.
     """
 
     source: GpsSource = "auto"
     sigma_m: float = 3.0
+    outages_s: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)

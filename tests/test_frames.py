@@ -128,3 +128,28 @@ def test_what_is_wrong_with_a_frame_is_said_and_the_rest_goes_on(tmp_path: Path)
     assert [[kind for kind, _ in frame.problems] for frame in found] == [[], [UNREADABLE], [BACKWARDS], [GAP]]
     assert [frame.image is None for frame in found] == [False, True, False, False]
     np.testing.assert_allclose([frame.dt_s for frame in found], [0.0, 0.1, 0.0, 5.9])
+
+
+def test_frames_are_thinned_to_a_rate_without_drift(drive: Path) -> None:
+    def indices(rate_hz: float) -> list[int]:
+        return [frame.index for frame in frames(drive, GpsSettings("none"), Window(rate_hz=rate_hz))]
+
+    everything = indices(float("inf"))
+    assert indices(1000.0) == everything
+    stamps = {frame.index: frame.stamp_ns for frame in frames(drive, GpsSettings("none"))}
+    kept = indices(5.0)
+    assert kept[0] == everything[0]
+    assert np.diff([stamps[k] for k in kept]) == pytest.approx(0.2e9, abs=0.06e9)
+
+
+def test_an_outage_takes_the_fixes_and_nothing_else(drive: Path) -> None:
+    whole = frames(drive, GpsSettings("emulated", 3.0))
+    cut = frames(drive, GpsSettings("emulated", 3.0, ((0.15, 0.35),)))
+    assert [f.index for f in whole] == [f.index for f in cut]
+    first_ns = whole[0].stamp_ns
+    for before, after in zip(whole, cut, strict=True):
+        if 0.15 <= (before.stamp_ns - first_ns) * 1e-9 < 0.35:
+            assert after.gps_m is None
+        else:
+            np.testing.assert_array_equal(before.gps_m, after.gps_m)
+    assert any(f.gps_m is None for f in cut)
