@@ -65,11 +65,13 @@ def replay(
     on_step: Callable[[Step, int, int], None],
     *,
     record_timing: bool = False,
+    images: bool = True,
 ) -> dict[str, Any]:
     """Replay one drive log; returns the summary that ``outputs.summary`` holds.
 
     ``on_step(step, done, total)`` is called after every frame; ``total`` counts the log's images. The recording
-    is a function of log, settings and version alone, unless ``record_timing`` adds what each stage took.
+    is a function of log, settings and version alone, unless ``record_timing`` adds what each stage took; without
+    ``images`` it leaves the pictures out.
     """
     # Matrices of a step are small: a second BLAS thread costs ten times what it saves.
     with threadpool_limits(1, "blas"), DriveLog(log_path) as log, ExitStack() as files:
@@ -117,6 +119,7 @@ def replay(
                 road_map=road_map,
                 about_markdown=about(log_path.name, configuration),
                 settings={"configuration": json.dumps(configuration)},
+                images=images,
             )
         )
         results = files.enter_context(

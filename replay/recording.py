@@ -18,7 +18,7 @@ from scpf.models.particle_filter import Belief
 from scpf.models.road_map import RoadMap
 from scpf.replay import overlays, shapes
 from scpf.replay.blueprint import MAP_ASPECT, Extent, layout
-from scpf.replay.recording_camera import log_camera
+from scpf.replay.recording_camera import log_image, log_instances
 from scpf.replay.recording_style import TRUE_DISTANCE, log_map, log_style, log_surface_style, timing_style
 from scpf.replay.step import Frame, Step, Surface
 
@@ -51,10 +51,13 @@ class Recording:
         road_map: RoadMap | None,
         about_markdown: str,
         settings: Mapping[str, str],
+        images: bool = True,
     ) -> None:
+        """``images`` False leaves the pictures out; masks, outlines and labels stay."""
         self.path = path
         self.partial_path = path.with_suffix(".partial.rrd")  # the viewer opens nothing else
         self._camera = camera
+        self._images = images
         self._landmarks = (
             {mark.id: np.array(mark.position_m[:2]) for mark in road_map.landmarks} if road_map else {}
         )
@@ -100,7 +103,9 @@ class Recording:
         """Add one step at its frame's index and stamp."""
         self._rec.set_time("frame", sequence=step.frame.index)
         self._rec.set_time("time", timestamp=np.datetime64(step.frame.stamp_ns, "ns"))
-        log_camera(self._rec, step, self._classes, self._camera.height_px if self._camera else None)
+        if self._images:
+            log_image(self._rec, step.frame)
+        log_instances(self._rec, step, self._classes, self._camera.height_px if self._camera else None)
         self._log_reference(step.frame, step.belief)
         self._log_belief("world/estimate", step.belief)
         self._log_belief("world/baseline", step.baseline)

@@ -8,22 +8,26 @@ import numpy as np
 import rerun as rr
 
 from scpf.replay import overlays
-from scpf.replay.step import Step
+from scpf.replay.step import Frame, Step
 
 LOWEST_LABEL: Final = 0.93
 """Of the image's height: the label of a pole that is cut off below would lie outside."""
 
 
-def log_camera(
-    rec: rr.RecordingStream, step: Step, classes: overlays.LandmarkClasses, height_px: int | None
-) -> None:
-    """Image, masks, outlines and labels; what a frame does not have is cleared, or the last one stays on screen."""
-    encoded = bytes(step.frame.encoded)  # bytes are taken as they are, an array would be converted
-    kind = overlays.media_type(step.frame.image_format, encoded)
+def log_image(rec: rr.RecordingStream, frame: Frame) -> None:
+    """The image in the log's own bytes; cleared where the frame has none."""
+    encoded = bytes(frame.encoded)  # bytes are taken as they are, an array would be converted
+    kind = overlays.media_type(frame.image_format, encoded)
     image = (
         rr.EncodedImage.from_fields(blob=encoded, media_type=kind) if encoded else rr.EncodedImage.cleared()
     )
     rec.log("camera/image", image)
+
+
+def log_instances(
+    rec: rr.RecordingStream, step: Step, classes: overlays.LandmarkClasses, height_px: int | None
+) -> None:
+    """Masks, outlines and labels; what a frame does not have is cleared, or the last one stays on screen."""
     instances = [*(observation.instance for observation in step.observations), *step.unmeasured]
     matched = [*(match.landmark_id for match in step.matches), *("" for _ in step.unmeasured)]
     numbers = [classes.class_of(landmark_id) for landmark_id in matched]

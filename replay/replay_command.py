@@ -27,6 +27,7 @@ def replay(
     rate: float = float("inf"),
     start: float = 0.0,
     stop: float = float("inf"),
+    images: Literal["embed", "none"] = "embed",
     timing: bool = False,
     overwrite: bool = False,
     quiet: Annotated[bool, Parameter(alias="-q")] = False,
@@ -77,6 +78,8 @@ def replay(
         Where to begin, seconds after the log's first image.
     stop
         Where to end, seconds after the log's first image.
+    images
+        `embed` puts the log's own image bytes into the recording; `none` leaves them out, which makes it several times smaller.
     timing
         Also record what each stage took; two runs then differ. The summary has the times in any case.
     overwrite
@@ -119,7 +122,9 @@ def replay(
     try:
         with Progress(quiet) as progress:
             window = Window(start, stop, rate)
-            summary = run(log, outputs, settings, window, progress.step, record_timing=timing)
+            summary = run(
+                log, outputs, settings, window, progress.step, record_timing=timing, images=images == "embed"
+            )
     except KeyboardInterrupt:
         partial = outputs.recording.with_suffix(".partial.rrd")
         if partial.exists():

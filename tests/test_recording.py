@@ -24,7 +24,9 @@ CELLS = 21
 BLIND = 3
 
 
-def write(path: Path, steps: list[Step], settings: Mapping[str, str] | None = None) -> Path:
+def write(
+    path: Path, steps: list[Step], settings: Mapping[str, str] | None = None, images: bool = True
+) -> Path:
     """A recording of ``steps``."""
     with Recording(
         path,
@@ -33,6 +35,7 @@ def write(path: Path, steps: list[Step], settings: Mapping[str, str] | None = No
         road_map=road_map(),
         about_markdown="# bend",
         settings=settings or {"seed": "0"},
+        images=images,
     ) as recording:
         for step in steps:
             recording.log(step)
@@ -148,6 +151,18 @@ def test_distances_end_where_the_landmark_is_lost(rrd: Path, steps: list[Step]) 
 def test_image_bytes_are_those_of_the_log(rrd: Path, steps: list[Step]) -> None:
     blobs = read(rrd, "/camera/image", "EncodedImage:blob")
     assert bytes(blobs[0][0]) == bytes(steps[0].frame.encoded)
+
+
+def test_without_images_everything_else_stays(rrd: Path, steps: list[Step], tmp_path: Path) -> None:
+    bare = write(tmp_path / "bare.rrd", steps, images=False)
+    assert rerun("verify", bare).returncode == 0
+    assert read(bare, "/camera/image", "EncodedImage:blob") == {}
+    for entity, component in (
+        ("/camera/masks", "EncodedImage:blob"),
+        ("/camera/outlines", "LineStrips2D:strips"),
+        ("/error/position/scpf", "Scalars:scalars"),
+    ):
+        assert read(bare, entity, component) == read(rrd, entity, component) != {}
 
 
 def test_state_changes_and_notes(rrd: Path) -> None:
