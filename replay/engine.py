@@ -25,6 +25,7 @@ from scpf.models.errors import InputError, MissingError
 from scpf.models.road_map import to_geojson
 from scpf.replay.ahead import Ahead
 from scpf.replay.frames import Window, first_state, read_frames
+from scpf.replay.pace import FULL_SPEED, Pace, PaceSettings
 from scpf.replay.pipeline import Pipeline
 from scpf.replay.recording import Recording
 from scpf.replay.results import Results
@@ -66,12 +67,13 @@ def replay(
     *,
     record_timing: bool = False,
     images: bool = True,
+    pace: PaceSettings = FULL_SPEED,
 ) -> dict[str, Any]:
     """Replay one drive log; returns the summary that ``outputs.summary`` holds.
 
     ``on_step(step, done, total)`` is called after every frame; ``total`` counts the log's images. The recording
     is a function of log, settings and version alone, unless ``record_timing`` adds what each stage took; without
-    ``images`` it leaves the pictures out.
+    ``images`` it leaves the pictures out. At a live ``pace`` that drops frames, it depends on the machine too.
     """
     # Matrices of a step are small: a second BLAS thread costs ten times what it saves.
     with threadpool_limits(1, "blas"), DriveLog(log_path) as log, ExitStack() as files:
@@ -94,12 +96,15 @@ def replay(
                 "stop_s": None if isinf(window.stop_s) else window.stop_s,
                 "rate_hz": None if isinf(window.rate_hz) else window.rate_hz,
             },
+            "pace": {"factor": None if isinf(pace.factor) else pace.factor, "late": pace.late},
             "log": log_path.name,
             "log_sha256": sha256(log_path),
             "versions": {package: version(package) for package in REPORTED_PACKAGES},
             "distance_model": dict(model.metadata) if model is not None else {},
         }
-        ahead = Ahead(build(settings.segmenter, settings.score_threshold, settings.bfloat16))
+        clock = Pace(pace)
+        segment = build(settings.segmenter, settings.score_threshold, settings.bfloat16)
+        ahead = Ahead(segment, depth=1) if clock.live else Ahead(segment)
         pipeline = Pipeline(settings, ahead, model, camera, road_map)
         recorded = settings.segmenter == RECORDED
         frames = read_frames(
@@ -128,7 +133,7 @@ def replay(
         problems: Counter[str] = Counter()
         total = log.channels[IMAGE_TOPIC].count if IMAGE_TOPIC in log.channels else 0
         done, begun, first_ns = 0, 0.0, 0
-        for frame in files.enter_context(closing(ahead.frames(frames))):
+        for frame in files.enter_context(closing(ahead.frames(clock.frames(frames)))):
             if not done:
                 pipeline.start(first_state(log, frame, trajectory))
             step = pipeline.step(frame)
@@ -141,6 +146,7 @@ def replay(
                 step = replace(step, notes=(*step.notes, *(("WARN", text) for text in warnings)))
             recording.log(step if record_timing else replace(step, timing_s={}))
             results.log(step)
+            clock.finished(frame)
             done += 1
             if done == 1:
                 # The first frame pays for loading the network: the rate counts from its end.
@@ -153,7 +159,10 @@ def replay(
         summary["rate"] = {
             "frames_per_s": (done - 1) / elapsed_s,
             "real_time_factor": (frame.stamp_ns - first_ns) * 1e-9 / elapsed_s,
+            **clock.report(),
         }
+    if clock.dropped:
+        problems["frame dropped, as it came too late"] = clock.dropped
     summary["warnings"] = warnings + [f"{count} × {kind}" for kind, count in problems.items()]
     partial = outputs.summary.with_name(outputs.summary.name + ".partial")
     partial.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")

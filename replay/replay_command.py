@@ -26,6 +26,8 @@ def replay(
     seed: int = 0,
     gps_outage: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     rate: float = float("inf"),
+    pace: str = "max",
+    late: Literal["drop", "wait"] = "wait",
     start: float = 0.0,
     stop: float = float("inf"),
     images: Literal["embed", "none"] = "embed",
@@ -75,6 +77,10 @@ def replay(
         No GPS from A to B, as A:B in seconds after the log's first image; may be given several times.
     rate
         Thin the log's frames to this many a second; by default all are replayed.
+    pace
+        `max`: as fast as it goes, nothing dropped. `realtime`, or a factor such as 0.5: each frame at its own time.
+    late
+        At a live pace, a frame that comes later than its interval: run it all the same, or drop it and count it.
     start
         Where to begin, seconds after the log's first image.
     stop
@@ -97,6 +103,7 @@ def replay(
     from scpf.replay.engine import Outputs
     from scpf.replay.engine import replay as run
     from scpf.replay.frames import Window
+    from scpf.replay.pace import PaceSettings
     from scpf.replay.progress import Progress
     from scpf.replay.settings import GpsSettings
     from scpf.replay.settings import preset as settings_of
@@ -108,6 +115,7 @@ def replay(
     if not rate > 0:
         raise UsageError(f"--rate {rate:g}: a rate is positive")
     outages_s = tuple(_outage(text) for text in gps_outage)
+    pacing = PaceSettings(_factor(pace), late)
     if name and len(logs) > 1:
         raise UsageError(f"--name {name} for {len(logs)} logs", "each is called by its own name")
     names = [name or log.stem for log in logs]
@@ -140,6 +148,7 @@ def replay(
                     progress.step,
                     record_timing=timing,
                     images=images == "embed",
+                    pace=pacing,
                 )
         except KeyboardInterrupt:
             partial = outputs.recording.with_suffix(".partial.rrd")
@@ -170,6 +179,19 @@ def _outage(text: str) -> tuple[float, float]:
     return interval
 
 
+def _factor(text: str) -> float:
+    """How many times real time the pace ``max``, ``realtime`` or a number is."""
+    from scpf.models.errors import UsageError
+
+    try:
+        factor = {"max": float("inf"), "realtime": 1.0}.get(text) or float(text)
+    except ValueError:
+        factor = 0.0
+    if not factor > 0:
+        raise UsageError(f"--pace {text}: not a pace", "max, realtime, or a factor such as 0.5")
+    return factor
+
+
 def table(summary: dict[str, Any], outputs: Any) -> str:
     """The short table for the terminal, the written files on its last lines."""
     rows = []
@@ -186,4 +208,10 @@ def table(summary: dict[str, Any], outputs: Any) -> str:
     rows.append(
         f"{'rate':<24} {rate['frames_per_s']:.1f} frames/s   {rate['real_time_factor']:.2f} × real time"
     )
+    if "latency_median_ms" in rate:
+        rows.append(
+            f"{'from due to done':<24} median {rate['latency_median_ms']:.0f} ms"
+            f"   95 % {rate['latency_p95_ms']:.0f}   worst {rate['latency_max_ms']:.0f}"
+            f"   dropped {rate['dropped']}"
+        )
     return "\n".join([*rows, *(f"{path}" for path in (outputs.recording, outputs.results, outputs.summary))])
