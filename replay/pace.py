@@ -75,7 +75,7 @@ class Pace:
             self._latencies_s.append(self._clock() - self._due(frame))
 
     def report(self) -> dict[str, float | int]:
-        """Frames dropped, and the latency (ms) from due to done: median, 95th percentile, worst; empty at full speed."""
+        """Frames dropped, and latencies from due to done (median, 95th percentile, worst); empty at full speed."""
         if not self._latencies_s:
             return {}
         latencies_ms = 1e3 * np.array(self._latencies_s)
