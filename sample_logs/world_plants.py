@@ -13,10 +13,12 @@ from scpf.sample_logs.world_site import Site
 
 TRUNK_CLEARANCE_M = 1.3
 """Between a trunk and a light pole."""
-ROAD_CLEARANCE_M = 7.3
-"""Between a trunk and the centre line: beyond the pavement."""
-OVER_POLE_SHARE = 0.38
-"""Of the poles have a tree behind the pavement whose crown reaches over them."""
+VERGE_M = (4.9, 5.3)
+"""Between kerb and pavement: young trees only, whose crowns keep out of the lane."""
+BEHIND_PAVEMENT_M = 7.3
+OVERHANGING_SHARE, YOUNG_SHARE = 0.40, 0.20
+"""Of the poles have, on the side they are approached from, a large tree behind the pavement whose crown
+reaches in front of them, or a young one on the verge."""
 GREENS = ((0.078, 0.118, 0.036), (0.092, 0.130, 0.044), (0.060, 0.098, 0.034), (0.108, 0.138, 0.050))
 AUTUMN = ((0.36, 0.20, 0.03), (0.34, 0.10, 0.03), (0.28, 0.22, 0.04), (0.16, 0.16, 0.04))
 SPRUCE, BARK, HEDGE = (0.045, 0.085, 0.040), (0.13, 0.105, 0.085), (0.07, 0.12, 0.04)
@@ -37,18 +39,27 @@ class _Nursery(NamedTuple):
 def add_plants(site: Site, season: float) -> None:
     """Plant the stretch; ``season`` is the share of broad-leaved trees in autumn colours, 0 to 1."""
     nursery = _nursery(site)
-    for pole in site.poles:
-        if site.rng.uniform() < OVER_POLE_SHARE:
-            s_m = pole.s_m + float(site.rng.uniform(-6.0, 3.0))
-            offset_m = np.sign(pole.offset_m) * float(site.rng.uniform(7.4, 8.4))
-            place, _ = site.at(s_m, offset_m)
-            if site.is_free(place, 1.5):
-                widest = max(nursery.broadleaves, key=lambda species: species.radius_m)
-                _tree(site, widest, place, season, scale=float(site.rng.uniform(1.0, 1.3)))
+    _occluding_trees(site, nursery, season)
     for side in (-1.0, 1.0):
         _street_trees(site, nursery, side, season)
         _groves(site, nursery, side, season)
     _hedges(site)
+
+
+def _occluding_trees(site: Site, nursery: _Nursery, season: float) -> None:
+    rng = site.rng
+    by_size = sorted(nursery.broadleaves, key=lambda species: species.radius_m)
+    for pole in site.poles:
+        side, choice = float(np.sign(pole.offset_m)), rng.uniform()
+        if choice < OVERHANGING_SHARE:
+            offset_m, scale = side * float(rng.uniform(7.4, 8.0)), float(rng.uniform(1.1, 1.35))
+            place, _ = site.at(pole.s_m - float(rng.uniform(1.5, 9.0)), offset_m)
+            if site.is_free(place, 1.5):
+                _tree(site, by_size[-1], place, season, scale)
+        elif choice < OVERHANGING_SHARE + YOUNG_SHARE:
+            offset_m, scale = side * float(rng.uniform(*VERGE_M)), float(rng.uniform(0.55, 0.68))
+            place, _ = site.at(pole.s_m - float(rng.uniform(2.5, 9.0)), offset_m)
+            _tree(site, by_size[int(rng.integers(2))], place, season, scale)
 
 
 def _nursery(site: Site) -> _Nursery:
@@ -87,7 +98,10 @@ def _tree(site: Site, species: _Species, place: Floats, season: float, scale: fl
         colours = AUTUMN if rng.uniform() < season else GREENS
         leaves = np.array(colours[int(rng.integers(len(colours)))]) * rng.uniform(0.8, 1.2)
     bark = np.array(BARK) * rng.uniform(0.7, 1.3)
-    if site.pole_distance_m(place) < TRUNK_CLEARANCE_M or site.road_distance_m(place) < ROAD_CLEARANCE_M:
+    if site.pole_distance_m(place) < TRUNK_CLEARANCE_M:
+        return
+    from_road_m = site.road_distance_m(place)
+    if from_road_m < VERGE_M[0] - 0.1 or VERGE_M[1] + 0.1 < from_road_m < BEHIND_PAVEMENT_M:
         return
     for (trunk, crown), lod in zip(species.levels, LOD_RANGES_M, strict=True):
         site.scene.place(trunk, place, yaw, size, tint=bark, lod_range_m=lod)
