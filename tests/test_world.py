@@ -167,7 +167,7 @@ def test_crowns_stand_before_some_poles(world: World) -> None:
         if pole.id not in scene.instance_id:
             continue
         eye = world.centre_line.at(pole.s_m - 30, -1.8)[0] + [0, 0, 2.3]
-        sight = pole.position_m + [0, 0, 5.5] - eye
+        sight = pole.position_m + np.array([0, 0, 5.5]) - eye
         along = np.clip((middles - eye) @ sight / (sight @ sight), 0, 1)
         hidden.append(bool(np.any(np.linalg.norm(eye + along[:, None] * sight - middles, axis=1) < radii)))
     assert 0.1 < np.mean(hidden) < 0.6
