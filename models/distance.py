@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.camera import Camera
-from scpf.models.distance_gate import EXPERTS, Gate, fit_gate
+from scpf.models.distance_gate import EXPERTS, GATE_FEATURES, Gate, fit_gate
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.errors import InputError
 from scpf.models.features import UNSCALED, Features, check_names, measure
@@ -74,6 +75,12 @@ class DistanceModel:
         """Names of the experts."""
         return EXPERTS if self.gate is not None else (SINGLE,)
 
+    @cached_property
+    def features(self) -> tuple[str, ...]:
+        """Names of the features that gate and experts look at."""
+        gate = GATE_FEATURES if self.gate is not None else ()
+        return tuple(dict.fromkeys(name for names in (gate, *self.inputs) for name in names))
+
     def predict(
         self, instances: Sequence[Instance], image_width_px: int, image_height_px: int
     ) -> list[Distance | None]:
@@ -84,7 +91,7 @@ class DistanceModel:
         """
         if not instances:
             return []
-        measured = measure(instances, image_width_px, image_height_px)
+        measured = measure(instances, image_width_px, image_height_px, self.features)
         found = self.predict_features(self._scaled(measured, image_width_px, image_height_px))
         names = self.names
         return [

@@ -8,14 +8,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.models.features import Features
+from scpf.models.features import BOX, Features
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-BOX: Final = ("x1", "x2", "y1", "y2")
 EXPERTS: Final = ("close", "far")
 """The gate's components, in this order."""
+
+GATE_FEATURES: Final = (*BOX, "thickness")
+"""What the gate looks at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,7 @@ class Gate:
 
 def gate_inputs(features: Features) -> Array:
     """What the gate looks at (N, 2): box width / height, and thickness (px)."""
-    x1, x2, y1, y2, thickness = features.columns((*BOX, "thickness")).T
+    x1, x2, y1, y2, thickness = features.columns(GATE_FEATURES).T
     return np.column_stack([(x2 - x1) / np.maximum(y2 - y1, 1.0), thickness])
 
 

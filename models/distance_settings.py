@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from scpf.models.distance_gate import BOX
+from scpf.models.distance_gate import GATE_FEATURES
+from scpf.models.features import BOX
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,11 @@ class DistanceSettings:
     restarts: int = 2
     max_samples: int = 500
     max_search_samples: int = 300
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Names of the features that the gate and the experts look at."""
+        return tuple(dict.fromkeys((*GATE_FEATURES, *self.close, *self.far)))
 
 
 PRESETS: Final[Mapping[str, DistanceSettings]] = MappingProxyType(

@@ -15,10 +15,9 @@ from scpf.ingest.drive_log import DriveLog
 from scpf.models.camera import Camera
 from scpf.models.cross_fitted import CrossFittedDistance
 from scpf.models.distance import DistanceModel, Predictions, TrainedOn, fit
-from scpf.models.distance_gate import BOX
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.errors import InputError, MissingError
-from scpf.models.features import Features, measure
+from scpf.models.features import BOX, FEATURES, Features, measure
 from scpf.models.gaussian_process import MIN_SAMPLES
 from scpf.models.instances import Instance
 from scpf.models.labelling import label
@@ -70,11 +69,13 @@ def gather(
     every: int = 1,
     max_distance_m: float = 60.0,
     on_frame: Callable[[int, int], None] | None = None,
+    names: Sequence[str] = tuple(FEATURES),
 ) -> Samples:
     """Samples from every ``every``-th frame of the logs, labelled by their maps and reference trajectories.
 
     ``segmenter``: a name or a file, as ``segmentation.load`` takes it, or "recorded" for the log's own masks;
     instances of a score below ``threshold`` are left out. ``on_frame(frames, samples)`` is called after each frame.
+    ``names``: the features to measure; an instance is too small where one of these cannot be.
     Raises MissingError where a log lacks calibration, trajectory or map, InputError where two logs come from different
     cameras or nothing could be labelled.
     """
@@ -101,7 +102,7 @@ def gather(
                     dropped[NO_POSE] += len(instances)
                 elif instances:
                     labels = label(instances, camera, pose, road_map, max_distance_m)
-                    measured = measure(instances, camera.width_px, camera.height_px)
+                    measured = measure(instances, camera.width_px, camera.height_px, names)
                     dropped.update(each.reason for each in labels if each.distance_m is None)
                     known = np.array([each.distance_m is not None for each in labels])
                     dropped[TOO_SMALL] += int((known & measured.too_small).sum())

@@ -94,6 +94,7 @@ def train_distance(
         every,
         max_distance_m,
         lambda frames, n: say(f"{frames} frames, {n} samples"),
+        settings.features,
     )
     say(f"fitting {len(samples)} samples")
     notes = {
