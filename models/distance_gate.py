@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from scpf.models.distance_kernels import most_probable
 from scpf.models.features import BOX, Features
 
 Array = NDArray[np.float64]
@@ -39,17 +40,20 @@ class Gate:
         half hidden pole at 50 m has an odd shape), and they ruin its expert.
         """
         inputs = gate_inputs(features)
-        offset = inputs[:, None, :] - self.means
-        density = np.log(self.variances) + offset**2 / self.variances
-        chosen: Indices = np.argmax(np.log(self.shares) - 0.5 * density.sum(axis=2), axis=1)
+        chosen = most_probable(inputs, self.shares, self.means, self.variances)
         thickness, (close_px, far_px) = inputs[:, 1], self.means[:, 1]
-        return np.where(thickness < far_px, 1, np.where(thickness > close_px, 0, chosen))
+        chosen[thickness > close_px] = 0
+        chosen[thickness < far_px] = 1
+        return chosen
 
 
 def gate_inputs(features: Features) -> Array:
     """What the gate looks at (N, 2): box width / height, and thickness (px)."""
     x1, x2, y1, y2, thickness = features.columns(GATE_FEATURES).T
-    return np.column_stack([(x2 - x1) / np.maximum(y2 - y1, 1.0), thickness])
+    inputs = np.empty((len(features), 2))
+    inputs[:, 0] = (x2 - x1) / np.maximum(y2 - y1, 1.0)
+    inputs[:, 1] = thickness
+    return inputs
 
 
 def fit_gate(features: Features, seed: int) -> Gate:

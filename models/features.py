@@ -49,7 +49,7 @@ class Features:
 
     def columns(self, names: Sequence[str]) -> Array:
         """The named columns (N, len(names)), in the order asked for."""
-        return self.values[:, [self.names.index(name) for name in names]]
+        return self.values.take([self.names.index(name) for name in names], axis=1)
 
     def rows(self, which: NDArray[np.intp] | Flags) -> Features:
         """The instances that ``which`` (indices or flags) selects."""

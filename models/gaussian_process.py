@@ -7,11 +7,13 @@ and (2) of the paper with K + σ_ε² I (the paper prints σ_ε).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scpf.models.distance_kernels import posterior
 from scpf.models.errors import InputError
 
 Array = NDArray[np.float64]
@@ -63,24 +65,30 @@ class GaussianProcess:
         Mean: eq. (1). Function variance: eq. (2). The predictive variance adds σ_ε²: a label, and thus a
         measured distance, has the noise too.
         """
-        from scipy.linalg import solve_triangular
-
-        scaled = (features - self.centre) / (self.scale * self.hyperparameters.length_scales)
-        cross = self.hyperparameters.signal_m2 * matern32(self.inputs, scaled)
-        mean = self.offset_m + self.weights @ cross
-        spread = solve_triangular(self.factor, cross, lower=True, check_finite=False)
-        function = self.hyperparameters.signal_m2 - np.einsum("nm,nm->m", spread, spread)
-        function = np.maximum(function, 1e-9)  # rounding alone could make it negative at a training input
-        return mean, function + self.hyperparameters.noise_m2, function
+        found = self.hyperparameters
+        points = np.ascontiguousarray(features, dtype=np.float64)
+        mean, function = posterior(
+            points, self.centre, self._units, self.inputs, self.factor, self.weights, found.signal_m2
+        )
+        return mean + self.offset_m, function + found.noise_m2, function
 
     def in_range(self, features: Array) -> NDArray[np.bool_]:
         """Whether each of the inputs (M, D) lies within the box of the training inputs, 5 % of its span
         wider.
         """
-        slack = RANGE_SLACK * (self.highest - self.lowest)
-        above, below = features >= self.lowest - slack, features <= self.highest + slack
-        inside: NDArray[np.bool_] = np.all(above & below, axis=1)
+        lowest, highest = self._bounds
+        inside: NDArray[np.bool_] = np.all((features >= lowest) & (features <= highest), axis=1)
         return inside
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        slack = RANGE_SLACK * (self.highest - self.lowest)
+        return self.lowest - slack, self.highest + slack
+
+    @cached_property
+    def _units(self) -> Array:
+        """(D,): what an input is divided by, in its own unit."""
+        return self.scale * self.hyperparameters.length_scales
 
 
 def matern32(left: Array, right: Array) -> Array:

@@ -106,13 +106,17 @@ height. All are finite where the thickness is.
 def _line(instance: Instance) -> Line:
     first, last = _middle_rows(instance, TILT_SHARE)
     start, end = _middle_rows(instance, CENTRAL_SHARE)
-    return mask_kernels.thickness(np.ascontiguousarray(instance.mask), first, last, start, end)
+    return mask_kernels.thickness(_pixels(instance), first, last, start, end)
 
 
 def _axis(instance: Instance, line: Line) -> Array:
     if isnan(line[0]):
         return np.full(mask_kernels.WIDTHS + len(mask_kernels.WIDTH_HEIGHTS), np.nan)
-    return mask_kernels.axis(np.ascontiguousarray(instance.mask), *line[1:])
+    return mask_kernels.axis(_pixels(instance), *line[1:])
+
+
+def _pixels(instance: Instance) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(instance.mask).view(np.uint8)
 
 
 def _middle_rows(instance: Instance, share: float) -> tuple[int, int]:

@@ -13,9 +13,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.models.instances import BoolMask
-
 Array = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+"""A mask (h, w), row by row: 0 or 1."""
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 WIDTH_HEIGHTS: Final = (0.15, 0.35, 0.65, 0.85)
@@ -43,23 +44,29 @@ def _kernel(function: F) -> F:
 
 @_kernel
 def _extent(line: Any) -> tuple[int, int, bool]:
-    """First pixel, one past the last, and whether there is a gap between; (0, 0, False) for an empty row."""
-    first, last, count = -1, -1, 0
-    for column in range(line.size):
-        if line[column]:
-            if first < 0:
-                first = column
-            last = column
-            count += 1
-    return (0, 0, False) if first < 0 else (first, last + 1, count < last + 1 - first)
+    """First pixel, one past the last, and whether there is a gap between; one past is 0 in an empty row."""
+    # Without branches, in 32 bits: the compiler makes vectors of it, five times as fast.
+    n = np.int32(line.size)
+    first, end, count = n, np.int32(0), np.int32(0)
+    for column in range(n):
+        pixel = line[column]
+        first = min(first, np.int32(column) if pixel else n)
+        end = max(end, np.int32(column + 1) if pixel else np.int32(0))
+        count += np.int32(pixel)
+    return int(first), int(end), bool(count < end - first)
 
 
 @_kernel
-def _nearest_run(line: Any, column: float) -> tuple[int, int]:
-    """First pixel, and one past the last, of the run whose middle is nearest to ``column``."""
-    best, left, right, start = np.inf, 0, 0, -1
+def _main_run(line: Any, column: float) -> tuple[int, int]:
+    """First pixel, and one past the last, of the run whose middle is nearest to ``column``; (0, 0) for none."""
+    left, right, gap = _extent(line)
+    if right == 0:
+        return 0, 0
+    if not gap:
+        return left, right
+    best, start = np.inf, -1
     for k in range(line.size + 1):
-        here = k < line.size and line[k]
+        here = k < line.size and line[k] != 0
         if here and start < 0:
             start = k
         elif not here and start >= 0:
@@ -72,7 +79,7 @@ def _nearest_run(line: Any, column: float) -> tuple[int, int]:
 
 @_kernel
 def thickness(
-    mask: BoolMask, first: int, last: int, start: int, end: int
+    mask: Pixels, first: int, last: int, start: int, end: int
 ) -> tuple[float, float, float, float, float]:
     """Thickness across the axis (px) and, for ``axis``, horizontal width, a row, its centre, and the slope.
 
@@ -85,7 +92,7 @@ def thickness(
     n = 0
     for row in range(first, min(last, mask.shape[0])):
         one, other, gap = _extent(mask[row])
-        if other > one:
+        if other > 0:
             rows[n], left[n], right[n], split[n] = row, one, other, gap
             n += 1
     rows, left, right, split = rows[:n], left[:n], right[:n], split[:n]
@@ -94,7 +101,7 @@ def thickness(
         column = np.median(centre if split.all() else centre[~split])
         for k in range(n):
             if split[k]:
-                left[k], right[k] = _nearest_run(mask[int(rows[k])], column)
+                left[k], right[k] = _main_run(mask[int(rows[k])], column)
     central = (rows >= start) & (rows < end)
     if not central.any():
         return np.nan, np.nan, np.nan, np.nan, np.nan
@@ -111,7 +118,7 @@ def thickness(
 
 
 @_kernel
-def axis(mask: BoolMask, width: float, row: float, column: float, slope: float) -> Array:
+def axis(mask: Pixels, width: float, row: float, column: float, slope: float) -> Array:
     """The pole's axis, from the line that ``thickness`` found in its middle (never NaN where that is not).
 
     (9,): one past the axis' last row, its length (px), its slope (columns a row), whether a lamp is there (0 or
@@ -129,8 +136,8 @@ def axis(mask: BoolMask, width: float, row: float, column: float, slope: float) 
     total = sum_r = sum_c = sum_rr = sum_rc = 0.0
     for k in range(n):
         expected = column + slope * (k - row)
-        left, right = _nearest_run(mask[k], expected)
-        if right <= left:
+        left, right = _main_run(mask[k], expected)
+        if right == 0:
             continue
         highest = k if highest < 0 else highest
         lowest = k
@@ -164,7 +171,7 @@ def axis(mask: BoolMask, width: float, row: float, column: float, slope: float) 
         one, other, _ = _extent(mask[k])
         expected = column + slope * (k - row)
         beyond = max(expected - one, other - expected) - 0.5 * width
-        lamp = lamp or (other > one and beyond > max(1.5 * width, 3.0))
+        lamp = lamp or (other > 0 and beyond > max(1.5 * width, 3.0))
     found[LAMP] = 1.0 if lamp else 0.0
     measured = ~np.isnan(widths)
     found[MEAN_WIDTH] = across * (widths[measured].mean() if measured.any() else width)
