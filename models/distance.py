@@ -2,8 +2,8 @@
 
 A close pole has lost its lamp at the image's upper edge and its mask is wide; a far one shows the lamp and
 is a few pixels thick. The gate, a Gaussian mixture on (box width / height, thickness), says which expert
-answers: the one with the highest posterior. Distances are horizontal, from the body's origin to the
-landmark's mapped foot.
+answers: the one with the highest posterior. There may be more experts than two, or a single one. Distances
+are horizontal, from the body's origin to the landmark's mapped foot.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.camera import Camera
-from scpf.models.distance_gate import EXPERTS, GATE_FEATURES, Gate, fit_gate
+from scpf.models.distance_gate import GATE_FEATURES, Gate, expert_names, fit_gate
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.errors import InputError
 from scpf.models.features import UNSCALED, Features, check_names, measure
@@ -28,8 +27,6 @@ from scpf.models.observation import Distance
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-SINGLE: Final = "single"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +70,7 @@ class DistanceModel:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the experts."""
-        return EXPERTS if self.gate is not None else (SINGLE,)
+        return expert_names(len(self.experts))
 
     @cached_property
     def features(self) -> tuple[str, ...]:
@@ -199,28 +196,26 @@ def fit(
     """The model of maximum marginal likelihood for N instances and their distances (N,) in m.
 
     ``start``: a model whose hyperparameters the search begins with, instead of restarts (cross-fitting).
-    Where one of the gate's components has fewer than 8 samples a single expert with the close one's
-    features answers for all, and ``trained_on.notes["gate"]`` says so. Raises InputError for fewer than 8
+    Where one of the gate's components has fewer than 8 samples there are fewer experts than
+    ``settings.experts``, and ``trained_on.notes["gate"]`` says so. Raises InputError for fewer than 8
     samples in all, for an unknown feature, and for instances that are too small.
     """
-    for names in (settings.close, settings.far):
+    for names in settings.inputs(max(settings.experts, 1)):
         check_names(names)
-    if len(features) != len(distances_m):
-        raise InputError(f"{len(features)} instances, but {len(distances_m)} distances")
+    if settings.experts < 1 or len(features) != len(distances_m):
+        raise InputError(
+            f"{settings.experts} experts, {len(features)} instances, {len(distances_m)} distances"
+        )
     if len(features) < MIN_SAMPLES or features.too_small.any():
         small = int(features.too_small.sum())
         raise InputError(
             f"{len(features)} training samples, {small} of them too small; at least {MIN_SAMPLES} are needed",
             "train with more frames, or on a longer drive",
         )
-    gate = fit_gate(features, seed)
-    chosen = gate.experts(features)
-    counts = np.bincount(chosen, minlength=2)
-    inputs: tuple[tuple[str, ...], ...] = (settings.close, settings.far)
-    single = bool(counts.min() < MIN_SAMPLES)
-    if single:
-        chosen, inputs = np.zeros(len(features), dtype=np.intp), (settings.close,)
-        note = f"single expert: {counts[0]} close and {counts[1]} far samples"
+    gate, chosen = _divide(features, settings.experts, seed)
+    inputs = settings.inputs(1 if gate is None else len(gate.shares))
+    if len(inputs) < settings.experts:
+        note = f"{', '.join(expert_names(len(inputs)))}: too few samples for {settings.experts} experts"
         trained_on = replace(trained_on, notes={**trained_on.notes, "gate": note})
     warm = start is not None and start.inputs == inputs
     rng = np.random.default_rng(seed)
@@ -237,7 +232,17 @@ def fit(
             start=start.experts[k].hyperparameters if warm and start is not None else None,
         )
         experts.append(condition(table[rows], distances_m[rows], found))
-    return DistanceModel(None if single else gate, tuple(experts), inputs, trained_on)
+    return DistanceModel(gate, tuple(experts), inputs, trained_on)
+
+
+def _divide(features: Features, most: int, seed: int) -> tuple[Gate | None, Indices]:
+    """The gate with as many experts, at most so many, as have 8 samples each; which (N,) answers for each row."""
+    for experts in range(min(most, len(features) // MIN_SAMPLES), 1, -1):
+        gate = fit_gate(features, experts, seed)
+        chosen = gate.experts(features)
+        if np.bincount(chosen, minlength=experts).min() >= MIN_SAMPLES:
+            return gate, chosen
+    return None, np.zeros(len(features), dtype=np.intp)
 
 
 def _thin(rows: Indices, most: int, rng: np.random.Generator) -> Indices:

@@ -17,15 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.cross_fitted import CrossFittedDistance
-from scpf.models.distance import SINGLE, DistanceModel, Predictions, TrainedOn
-from scpf.models.distance_gate import EXPERTS, Gate
+from scpf.models.distance import DistanceModel, Predictions, TrainedOn
+from scpf.models.distance_gate import Gate, expert_names
 from scpf.models.errors import DamagedError, InputError, MissingError
 from scpf.models.features import FEATURES
 from scpf.models.gaussian_process import GaussianProcess, Hyperparameters
 from scpf.models.npz import load_arrays
 
 FORMAT: Final = "scpf.distance"
-VERSION: Final = 1
+VERSION: Final = 2
+"""What this scpf reads. Version 1 knows one or two experts; a file that needs no more is written as such."""
+
 HEADER: Final = "model.json"
 MAX_BYTES: Final = 1 << 30
 """What the members of a file may unpack to; a model of 1000 samples has 4 MB."""
@@ -38,7 +40,8 @@ Arrays = dict[str, NDArray[Any]]
 
 def save(model: DistanceModel | CrossFittedDistance, path: Path) -> None:
     """Write ``model`` to ``path``, replacing it only when the new file is whole."""
-    header: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    plain = model.model if isinstance(model, CrossFittedDistance) else model
+    header: dict[str, Any] = {"format": FORMAT, "version": 1 if len(plain.experts) <= 2 else 2}
     arrays: Arrays = {}
     if isinstance(model, CrossFittedDistance):
         header["model"] = _pack(model.model, arrays)
@@ -109,7 +112,7 @@ def _pack(model: DistanceModel, arrays: Arrays) -> dict[str, Any]:
 def _unpack(member: Mapping[str, Any], arrays: Arrays, path: Path) -> DistanceModel:
     names = tuple(member["experts"])
     inputs = tuple(tuple(str(name) for name in member["experts"][expert]) for expert in names)
-    if names not in (EXPERTS, (SINGLE,)):
+    if not names or names != expert_names(len(names)):
         raise ValueError(f"experts {names}")
     unknown = {name for each in inputs for name in each} - set(FEATURES)
     if unknown:
@@ -117,11 +120,11 @@ def _unpack(member: Mapping[str, Any], arrays: Arrays, path: Path) -> DistanceMo
             f"{path}: uses features that this scpf does not know: {sorted(unknown)}", "update scpf"
         )
     gate = None
-    if names == EXPERTS:
+    if len(names) > 1:
         gate = Gate(
-            _array(arrays, "gate.shares", (2,), positive=True),
-            _array(arrays, "gate.means", (2, 2)),
-            _array(arrays, "gate.variances", (2, 2), positive=True),
+            _array(arrays, "gate.shares", (len(names),), positive=True),
+            _array(arrays, "gate.means", (len(names), 2)),
+            _array(arrays, "gate.variances", (len(names), 2), positive=True),
         )
     experts = tuple(_expert(arrays, name, len(each)) for name, each in zip(names, inputs, strict=True))
     width, height = (int(side) for side in member["image_px"])

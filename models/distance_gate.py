@@ -14,18 +14,15 @@ from scpf.models.features import BOX, Features
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-EXPERTS: Final = ("close", "far")
-"""The gate's components, in this order."""
-
 GATE_FEATURES: Final = (*BOX, "thickness")
 """What the gate looks at."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gate:
-    """Gaussian mixture, diagonal, on (box width / height, thickness px): component 0 is close, 1 is far.
+    """Gaussian mixture, diagonal, on (box width / height, thickness px), from the closest component to the farthest.
 
-    ``shares`` (2,), ``means`` (2, 2), ``variances`` (2, 2): a row a component.
+    ``shares`` (K,), ``means`` (K, 2), ``variances`` (K, 2): a row a component, K ≥ 2.
     """
 
     shares: Array
@@ -33,18 +30,27 @@ class Gate:
     variances: Array
 
     def experts(self, features: Features) -> Indices:
-        """Index into ``EXPERTS`` (N,) of the component with the highest posterior.
+        """Index (N,) of the component with the highest posterior.
 
-        With one addition: an instance thinner than far poles are on average is far, one thicker than close
-        poles are on average is close. Without it the broader component also takes the other's outliers (a
-        half hidden pole at 50 m has an odd shape), and they ruin its expert.
+        With one addition: an instance thinner than the farthest poles are on average is among the farthest,
+        one thicker than the closest are on average is among the closest. Without it the broader component
+        also takes the other's outliers (a half hidden pole at 50 m has an odd shape), and they ruin its
+        expert.
         """
         inputs = gate_inputs(features)
         chosen = most_probable(inputs, self.shares, self.means, self.variances)
-        thickness, (close_px, far_px) = inputs[:, 1], self.means[:, 1]
-        chosen[thickness > close_px] = 0
-        chosen[thickness < far_px] = 1
+        thickness = inputs[:, 1]
+        chosen[thickness > self.means[0, 1]] = 0
+        chosen[thickness < self.means[-1, 1]] = len(self.shares) - 1
         return chosen
+
+
+def expert_names(experts: int) -> tuple[str, ...]:
+    """Names of so many experts, from the closest to the farthest."""
+    if experts == 1:
+        return ("single",)
+    between = ("middle",) if experts == 3 else tuple(f"middle {k}" for k in range(1, experts - 1))
+    return ("close", *between, "far")
 
 
 def gate_inputs(features: Features) -> Array:
@@ -56,14 +62,12 @@ def gate_inputs(features: Features) -> Array:
     return inputs
 
 
-def fit_gate(features: Features, seed: int) -> Gate:
-    """The Gaussian mixture of N ≥ 2 instances; the component with the larger mean thickness becomes
-    "close".
-    """
+def fit_gate(features: Features, experts: int, seed: int) -> Gate:
+    """The mixture of ``experts`` ≥ 2 components for at least as many instances; thickness orders them."""
     from sklearn.mixture import GaussianMixture
 
     mixture = GaussianMixture(
-        2, covariance_type="diag", reg_covar=1e-8, max_iter=1000, n_init=3, random_state=seed
+        experts, covariance_type="diag", reg_covar=1e-8, max_iter=1000, n_init=3, random_state=seed
     )
     mixture.fit(gate_inputs(features))
     order = np.argsort(-mixture.means_[:, 1])

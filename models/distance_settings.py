@@ -15,22 +15,30 @@ from scpf.models.features import BOX
 class DistanceSettings:
     """How a distance model is trained.
 
-    ``close``, ``far``: features of each expert (names in ``features.FEATURES``). ``restarts``: further
-    starts of the hyperparameter search. ``max_samples``: an expert with more keeps a random choice of that
-    many, since cost and file grow with their square; the hyperparameters are sought on at most
-    ``max_search_samples`` of them.
+    ``experts``: how many share the distances, at most; 1 for a single one. ``far``: features of the expert for
+    the farthest; ``close``: those of all others, and of a single one (names in ``features.FEATURES``).
+    ``restarts``: further starts of the hyperparameter search. ``max_samples``: an expert with more keeps a
+    random choice of that many, since cost and file grow with their square; the hyperparameters are sought on
+    at most ``max_search_samples`` of them.
     """
 
     close: tuple[str, ...] = (*BOX, "thickness")
     far: tuple[str, ...] = BOX
+    experts: int = 2
     restarts: int = 2
     max_samples: int = 500
     max_search_samples: int = 300
 
+    def inputs(self, experts: int) -> tuple[tuple[str, ...], ...]:
+        """Names of the features of each of so many experts, from the closest to the farthest."""
+        return (self.close,) if experts == 1 else (*(self.close,) * (experts - 1), self.far)
+
     @property
     def features(self) -> tuple[str, ...]:
         """Names of the features that the gate and the experts look at."""
-        return tuple(dict.fromkeys((*GATE_FEATURES, *self.close, *self.far)))
+        gate = GATE_FEATURES if self.experts > 1 else ()
+        experts = self.inputs(self.experts)
+        return tuple(dict.fromkeys(name for names in (gate, *experts) for name in names))
 
 
 PRESETS: Final[Mapping[str, DistanceSettings]] = MappingProxyType(

@@ -19,6 +19,7 @@ def train_distance(
     segmenter: str = "polenet",
     threshold: float = 0.9,
     preset: Literal["paper", "thickness"] = "paper",
+    experts: int | None = None,
     every: int = 1,
     max_distance_m: float = 60.0,
     seed: int = 0,
@@ -53,6 +54,8 @@ def train_distance(
         `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
     preset
         Features of the experts: `paper`, or `thickness` (the far expert sees the thickness, too).
+    experts
+        How many experts share the distances, 1 to 5 (default: the preset's); 1 for a single one.
     threshold
         Detections of a lower score are left out.
     every
@@ -73,6 +76,7 @@ def train_distance(
         How to print the figures on stdout.
     """
     import json
+    from dataclasses import replace
 
     from scpf.models.distance_settings import PRESETS
     from scpf.models.errors import UsageError
@@ -81,12 +85,14 @@ def train_distance(
 
     if every < 1 or folds < 2 or repetitions < 1 or max_distance_m <= 0:
         raise UsageError("--every, --repetitions and --max-distance-m are at least 1, --folds at least 2")
+    if experts is not None and not 1 <= experts <= 5:
+        raise UsageError(f"--experts {experts}: 1 to 5 experts can share the distances")
     for path in (output, cross_fitted, report):
         if path is not None and path.exists() and not overwrite:
             raise UsageError(f"{path} exists", "choose another name, or give --overwrite")
 
     say = _progress(quiet)
-    settings = PRESETS[preset]
+    settings = PRESETS[preset] if experts is None else replace(PRESETS[preset], experts=experts)
     samples = gather(
         logs,
         segmenter,

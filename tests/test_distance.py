@@ -16,6 +16,7 @@ from pole_scenes import camera, pose, see
 from scpf.models import distance_file
 from scpf.models.cross_fitted import CrossFittedDistance
 from scpf.models.distance import DistanceModel, Predictions, TrainedOn, fit
+from scpf.models.distance_gate import expert_names
 from scpf.models.distance_settings import PRESETS, DistanceSettings
 from scpf.models.errors import DamagedError, InputError, MissingError, ScpfError
 from scpf.models.features import Features, measure
@@ -169,9 +170,45 @@ def test_few_samples() -> None:
     close_ones = np.argsort(distances)[:4].tolist() + np.argsort(distances)[-12:].tolist()
     model = fit(features.rows(np.array(close_ones)), distances[close_ones], QUICK, 0, ABOUT)
     assert model.names == ("single",)
-    assert "single expert" in model.metadata["gate"]
+    assert "too few samples for 2 experts" in model.metadata["gate"]
     with pytest.raises(InputError, match="unknown"):
         fit(features, distances, replace(QUICK, far=("x1", "mood")), 0, ABOUT)
+
+
+@pytest.mark.parametrize("experts", [1, 3])
+def test_other_numbers_of_experts(experts: int, tmp_path: Path) -> None:
+    instances, distances = scene(120)
+    wanted = replace(QUICK, experts=experts)
+    model = fit(measure(instances, 1024, 768), distances, wanted, 0, ABOUT)
+    assert model.names == expert_names(experts)
+    assert model.inputs == wanted.inputs(experts)
+    chosen = model.choose(measure(instances, 1024, 768))
+    typical = [np.median(distances[chosen == k]) for k in range(experts)]
+    assert (np.diff(typical) > 0).all()
+    found = model.predict(instances, 1024, 768)
+    assert np.mean([abs(d.mean_m - m) for d, m in zip(found, distances, strict=True) if d]) < 0.6
+    model.save(tmp_path / "m.npz")
+    assert DistanceModel.load(tmp_path / "m.npz").predict(instances, 1024, 768) == found
+    assert version(tmp_path / "m.npz") == (2 if experts > 2 else 1)
+
+
+def test_a_single_expert_needs_no_thickness() -> None:
+    box = ("x1", "x2", "y1", "y2")
+    instances, distances = scene(60)
+    alone = replace(QUICK, close=box, experts=1)
+    assert alone.features == box
+    model = fit(measure(instances, 1024, 768, box), distances, alone, 0, ABOUT)
+    assert model.features == box
+    assert all(each is not None for each in model.predict(instances, 1024, 768))
+
+
+def test_the_model_that_ships_still_loads() -> None:
+    path = Path(distance_file.__file__).with_name("distance.npz")
+    assert version(path) == 1
+    model = DistanceModel.load(path)
+    assert model.names == ("close", "far")
+    (found,) = model.predict([scene(1)[0][0]], 1024, 768)
+    assert found is not None
 
 
 def test_the_same_seed_gives_the_same_model() -> None:
@@ -218,6 +255,12 @@ def test_cross_fitted_distances_answer_for_their_samples_alone(
     assert [d.mean_m for d in again.for_frame(200).predict(few[2:], 1024, 768) if d] == [33.0]
     with pytest.raises(InputError, match="cross-fitted"):
         DistanceModel.load(tmp_path / "c.npz")
+
+
+def version(path: Path) -> int:
+    """The format's version that a model file names."""
+    with np.load(path, allow_pickle=False) as file:
+        return int(json.loads(file["model.json"].tobytes())["version"])
 
 
 def changed(path: Path, **members: object) -> Path:

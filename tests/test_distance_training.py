@@ -160,6 +160,11 @@ def test_the_command(
     assert json.loads(report.read_text())["poles"] == len(FEET)
     assert DistanceModel.load(output).metadata["segmenter"] == "recorded"
     assert isinstance(distance_file.load(fitted), CrossFittedDistance)
+    alone = tmp_path / "single.npz"
+    train_distance([log_path], output=alone, experts=1, **more)  # type: ignore[arg-type]
+    assert DistanceModel.load(alone).names == ("single",)
+    with pytest.raises(UsageError, match="experts"):
+        train_distance([log_path], output=alone, experts=9, overwrite=True)
     with pytest.raises(UsageError, match="exists"):
         train_distance([log_path], output=output, segmenter="recorded")
     with pytest.raises(UsageError):
