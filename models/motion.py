@@ -69,20 +69,13 @@ class ConstantTurnRate:
 
     def turn_covariance(self, dt_s: float) -> Array:
         """Covariance (2, 2) of the noise of (heading, turn rate): an integrated Ornstein-Uhlenbeck process."""
-        tau, (decay, _) = self.turn_time_s, self.turn_response(dt_s)
-        gone = -np.expm1(-dt_s / tau)
-        heading = tau**2 * (dt_s - 2 * tau * gone + tau / 2 * (1 - decay**2))
-        both = tau**2 / 2 * gone**2
-        rate = tau / 2 * (1 - decay**2)
-        noise: Array = self.q_turn_rad2ps3 * np.array([[heading, both], [both, rate]])
+        noise = self.q_turn_rad2ps3 * decaying_noise(self.turn_time_s, dt_s)
         noise[0, 0] += self.q_heading_rad2ps * dt_s
         return noise
 
     def turn_response(self, dt_s: float) -> tuple[float, float]:
         """The turn rate's share left after ``dt_s``, and its integral (s): what it turns the heading by."""
-        return float(np.exp(-dt_s / self.turn_time_s)), float(
-            -np.expm1(-dt_s / self.turn_time_s) * self.turn_time_s
-        )
+        return decaying_response(self.turn_time_s, dt_s)
 
     def propagate(self, states: Array, dt_s: float, rng: np.random.Generator) -> Array:
         """The states (N, 6) ``dt_s`` later."""
@@ -111,6 +104,23 @@ def turn_rate_state(position_m: Array, velocity_mps: Array, heading_rad: float) 
     """The state (6,) of ``ConstantTurnRate`` at a position (2,), its velocity (2,) projected on the heading."""
     ahead = np.array([np.cos(heading_rad), np.sin(heading_rad)])
     return np.concatenate([position_m, (velocity_mps @ ahead) * ahead, [heading_rad, 0.0]])
+
+
+def decaying_response(time_s: float, dt_s: float) -> tuple[float, float]:
+    """A rate that decays with ``time_s``: its share left after ``dt_s``, and the integral of that share (s)."""
+    return float(np.exp(-dt_s / time_s)), float(-np.expm1(-dt_s / time_s) * time_s)
+
+
+def decaying_noise(time_s: float, dt_s: float) -> Array:
+    """Covariance (2, 2) of the noise of (integral, rate) after ``dt_s``, under white noise of unit density.
+
+    The rate is an Ornstein-Uhlenbeck process that decays with ``time_s``.
+    """
+    tau = time_s
+    gone, gone_twice = -np.expm1(-dt_s / tau), -np.expm1(-2 * dt_s / tau)
+    integral = tau**2 * (dt_s - 2 * tau * gone + tau / 2 * gone_twice)
+    both, rate = tau**2 / 2 * gone**2, tau / 2 * gone_twice
+    return np.array([[integral, both], [both, rate]])
 
 
 def root_2x2(covariance: Array) -> Array:
