@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -32,7 +32,8 @@ def train_distance(
     """Fit the distance experts to drive logs with calibration, reference trajectory and map.
 
     Every instance that the segmenter finds is matched to a mapped pole by the reference pose; its box and the
-    thickness of its mask, with the distance to that pole, are a sample. Prints errors of held-out samples.
+    thickness of its mask, with the distance to that pole, are a sample. Prints errors of held-out samples, and the
+    paper's two comparisons by Tukey's test: box or box and mask, one expert or a mixture.
 
     Examples:
 
@@ -78,9 +79,12 @@ def train_distance(
     import json
     from dataclasses import replace
 
+    from scpf.models.distance_gate import GATE_FEATURES
     from scpf.models.distance_settings import PRESETS
     from scpf.models.errors import UsageError
+    from scpf.replay.distance_comparisons import compare
     from scpf.replay.distance_evaluation import bands, evaluate, per_expert, residuals
+    from scpf.replay.distance_report import table
     from scpf.replay.distance_training import cross_fit, gather, train
 
     if every < 1 or folds < 2 or repetitions < 1 or max_distance_m <= 0:
@@ -100,7 +104,7 @@ def train_distance(
         every,
         max_distance_m,
         lambda frames, n: say(f"{frames} frames, {n} samples"),
-        settings.features,
+        tuple(dict.fromkeys((*GATE_FEATURES, *settings.features))),
     )
     say(f"fitting {len(samples)} samples")
     notes = {
@@ -126,6 +130,11 @@ def train_distance(
         "model": model.metadata,
         **evaluate(samples, model, settings, seed, repetitions),
     }
+    say("comparing")
+    figures["comparisons"] = {
+        split: compare(samples, model, settings, seed, repetitions, by_pole=split == "by_pole")
+        for split in ("random", "by_pole")
+    }
     if cross_fitted is not None:
         say("cross-fitting")
         fitted = cross_fit(samples, model, settings, seed, folds)
@@ -144,44 +153,6 @@ def train_distance(
     if samples.unreadable:
         print(f"scpf: {samples.unreadable} of {samples.frames} frames could not be decoded", file=sys.stderr)
     return 3 if samples.unreadable else 0
-
-
-def table(figures: Mapping[str, Any], written: list[Path]) -> str:
-    """The figures for the terminal, the written files on its last lines."""
-    lines = [f"{figures['samples']} samples of {figures['poles']} poles in {figures['frames']} frames"]
-    lines += [f"  left out: {count} {reason}" for reason, count in figures["dropped"].items()]
-    heads = (
-        ("n", 7),
-        ("train", 8),
-        ("MAE m", 8),
-        ("bias", 8),
-        ("RMSE", 8),
-        ("95 %", 7),
-        ("(f)", 7),
-        ("NLL", 8),
-    )
-    lines.append(" " * 34 + "".join(f"{head:>{width}}" for head, width in heads))
-    blocks = (
-        ("random", "held out at random"),
-        ("by_pole", "held out by pole"),
-        ("by_pole_searched", "… hyperparameters anew"),
-    )
-    for key, title in blocks:
-        for name, row in figures.get(key, {}).get("validation", {}).items():
-            lines.append(_row(f"{title}, {name}", row, figures[key]["train"].get(name)))
-    for key, title in (("by_pole_bands", "by pole"), ("cross_fitted", "cross-fitted")):
-        lines += [_row(f"{title}, {name}", row) for name, row in figures.get(key, {}).items()]
-    return "\n".join([*lines, *(f"{path}" for path in written)])
-
-
-def _row(title: str, row: Mapping[str, Any] | None, train: Mapping[str, Any] | None = None) -> str:
-    if row is None:
-        return f"{title:<34}{0:>7}"
-    trained = f"{train['mae_m']:8.2f}" if train else f"{'':8}"
-    return (
-        f"{title:<34}{row['n']:7d}{trained}{row['mae_m']:8.2f}{row['bias_m']:8.2f}{row['rmse_m']:8.2f}"
-        f"{row['coverage']:7.2f}{row['function_coverage']:7.2f}{row['nll']:8.2f}"
-    )
 
 
 def _progress(quiet: bool) -> Callable[[str], None]:

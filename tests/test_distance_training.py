@@ -151,13 +151,16 @@ def test_the_command(
 ) -> None:
     monkeypatch.setattr(distance_settings, "PRESETS", {"paper": QUICK})
     output, fitted, report = tmp_path / "m.npz", tmp_path / "c.npz", tmp_path / "r.json"
-    more = {"segmenter": "recorded", "every": 3, "repetitions": 1, "folds": 3}
+    more = {"segmenter": "recorded", "every": 3, "repetitions": 2, "folds": 3}
     code = train_distance([log_path], output=output, cross_fitted=fitted, report=report, **more)  # type: ignore[arg-type]
     assert code == 0
     text = capsys.readouterr()
     assert "held out by pole, all" in text.out
+    assert "at random, close: box " in text.out
     assert text.err == ""
-    assert json.loads(report.read_text())["poles"] == len(FEET)
+    figures = json.loads(report.read_text())
+    assert figures["poles"] == len(FEET)
+    assert list(figures["comparisons"]["by_pole"]) == ["close", "far", "all"]
     assert DistanceModel.load(output).metadata["segmenter"] == "recorded"
     assert isinstance(distance_file.load(fitted), CrossFittedDistance)
     alone = tmp_path / "single.npz"
