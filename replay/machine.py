@@ -34,7 +34,10 @@ TESTED: Final = {
     "torch": "2.13.0",
     "zstandard": "0.25.0",
 }
-OPTIONAL: Final = {"av": ("reads videos", "pip install 'scpf[video]'")}
+OPTIONAL: Final = {
+    "av": ("reads videos", "pip install 'scpf[video]'"),
+    "matplotlib": ("draws figures", "pip install 'scpf[figures]'"),
+}
 OTHER_OPENCV: Final = ("opencv-python", "opencv-contrib-python")
 """These install the same module as opencv-python-headless, over it."""
 

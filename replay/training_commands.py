@@ -26,6 +26,7 @@ def train_distance(
     repetitions: int = 100,
     overwrite: bool = False,
     report: Path | None = None,
+    figures: Path | None = None,
     quiet: Annotated[bool, Parameter(alias="-q")] = False,
     format: Literal["text", "json"] = "text",
 ) -> int:
@@ -71,6 +72,8 @@ def train_distance(
         Replace files of that name.
     report
         Also write all figures to this JSON file.
+    figures
+        Also draw predictions, errors, coverage and comparisons into this folder, as PNG (needs `scpf[figures]`).
     quiet
         No progress on stderr.
     format
@@ -83,7 +86,8 @@ def train_distance(
     from scpf.models.distance_settings import PRESETS
     from scpf.models.errors import UsageError
     from scpf.replay.distance_comparisons import compare
-    from scpf.replay.distance_evaluation import bands, evaluate, per_expert, residuals
+    from scpf.replay.distance_evaluation import bands, evaluate, hold_out, per_expert, residuals
+    from scpf.replay.distance_figures import check_matplotlib, draw, figure_paths
     from scpf.replay.distance_report import table
     from scpf.replay.distance_training import cross_fit, gather, train
 
@@ -91,9 +95,13 @@ def train_distance(
         raise UsageError("--every, --repetitions and --max-distance-m are at least 1, --folds at least 2")
     if experts is not None and not 1 <= experts <= 5:
         raise UsageError(f"--experts {experts}: 1 to 5 experts can share the distances")
-    for path in (output, cross_fitted, report):
-        if path is not None and path.exists() and not overwrite:
+    drawn = [] if figures is None else figure_paths(figures)
+    written = [path for path in (output, cross_fitted, report, *drawn) if path is not None]
+    for path in written:
+        if path.exists() and not overwrite:
             raise UsageError(f"{path} exists", "choose another name, or give --overwrite")
+    if figures is not None:
+        check_matplotlib()  # before the long work, not after it
 
     say = _progress(quiet)
     settings = PRESETS[preset] if experts is None else replace(PRESETS[preset], experts=experts)
@@ -121,7 +129,7 @@ def train_distance(
     model = train(samples, settings, seed, notes)
     model.save(output)
     say("evaluating")
-    figures: dict[str, Any] = {
+    results: dict[str, Any] = {
         "samples": len(samples),
         "poles": int(notes["poles"]),
         "frames": samples.frames,
@@ -131,7 +139,7 @@ def train_distance(
         **evaluate(samples, model, settings, seed, repetitions),
     }
     say("comparing")
-    figures["comparisons"] = {
+    results["comparisons"] = {
         split: compare(samples, model, settings, seed, repetitions, by_pole=split == "by_pole")
         for split in ("random", "by_pole")
     }
@@ -140,16 +148,19 @@ def train_distance(
         fitted = cross_fit(samples, model, settings, seed, folds)
         fitted.save(cross_fitted)
         pooled = residuals(samples, fitted.held_out)
-        figures["cross_fitted"] = per_expert(model.names, pooled)
-        figures["cross_fitted_bands"] = bands(pooled)
+        results["cross_fitted"] = per_expert(model.names, pooled)
+        results["cross_fitted_bands"] = bands(pooled)
+    if figures is not None:
+        again = hold_out(samples, model, settings, repetitions, seed + 1, by_pole=True)  # evaluate's own
+        about = f"{len(samples)} samples of {notes['poles']} poles, preset {preset}, {notes['logs']}"
+        draw(figures, model.names, again.validation, results["comparisons"], about)
     say("")
-    text = json.dumps(figures, indent=1, allow_nan=False)
+    text = json.dumps(results, indent=1, allow_nan=False)
     if report is not None:
         partial = report.with_name(report.name + ".partial")
         partial.write_text(text + "\n")
         partial.replace(report)
-    written = [path for path in (output, cross_fitted, report) if path is not None]
-    print(text if format == "json" else table(figures, written))
+    print(text if format == "json" else table(results, written))
     if samples.unreadable:
         print(f"scpf: {samples.unreadable} of {samples.frames} frames could not be decoded", file=sys.stderr)
     return 3 if samples.unreadable else 0

@@ -151,8 +151,11 @@ def test_the_command(
 ) -> None:
     monkeypatch.setattr(distance_settings, "PRESETS", {"paper": QUICK})
     output, fitted, report = tmp_path / "m.npz", tmp_path / "c.npz", tmp_path / "r.json"
-    more = {"segmenter": "recorded", "every": 3, "repetitions": 2, "folds": 3}
+    more: dict[str, object] = {"segmenter": "recorded", "every": 3, "repetitions": 2, "folds": 3}
+    pictures = tmp_path / "pictures"
+    more["figures"] = pictures
     code = train_distance([log_path], output=output, cross_fitted=fitted, report=report, **more)  # type: ignore[arg-type]
+    del more["figures"]
     assert code == 0
     text = capsys.readouterr()
     assert "held out by pole, all" in text.out
@@ -163,6 +166,9 @@ def test_the_command(
     assert list(figures["comparisons"]["by_pole"]) == ["close", "far", "all"]
     assert DistanceModel.load(output).metadata["segmenter"] == "recorded"
     assert isinstance(distance_file.load(fitted), CrossFittedDistance)
+    assert sorted(path.suffix for path in pictures.iterdir()) == [".png"] * 4
+    with pytest.raises(UsageError, match=r"png exists"):
+        train_distance([log_path], output=tmp_path / "other.npz", figures=pictures)
     alone = tmp_path / "single.npz"
     train_distance([log_path], output=alone, experts=1, **more)  # type: ignore[arg-type]
     assert DistanceModel.load(alone).names == ("single",)
