@@ -17,6 +17,7 @@ DAMAGE: Final = (
     *(zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError),
     # numpy evaluates an array's header as Python text, and allocates what it claims.
     *(SyntaxError, TokenError, MemoryError, OverflowError, TypeError),
+    RuntimeError,  # zipfile: an entry that says that it is encrypted, or of a later version of the format
 )
 
 

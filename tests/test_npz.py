@@ -46,3 +46,16 @@ def test_a_small_file_that_unpacks_large_is_refused(tmp_path: Path) -> None:
     np.savez_compressed(tmp_path / "d.npz", x=np.zeros(1 << 20))
     with pytest.raises(DamagedError, match="MiB"):
         load_arrays(tmp_path / "d.npz", 1 << 20)
+
+
+@pytest.mark.parametrize(("place", "value"), [(6, 109), (8, 0x01), (8, 0x20), (8, 0x40)])
+def test_an_archive_that_asks_for_more_than_zip_can_do_is_damaged(
+    tmp_path: Path, place: int, value: int
+) -> None:
+    """A changed byte may claim a later version of zip, or encryption: zipfile has exceptions of its own for it."""
+    np.savez(tmp_path / "e.npz", x=np.arange(3))
+    data = bytearray((tmp_path / "e.npz").read_bytes())
+    data[data.index(b"PK\x01\x02") + place] = value
+    (tmp_path / "e.npz").write_bytes(data)
+    with pytest.raises(DamagedError, match=r"e\.npz"):
+        load_arrays(tmp_path / "e.npz", 1 << 20)
