@@ -41,10 +41,16 @@ class DistanceSettings:
         return tuple(dict.fromkeys(name for names in (gate, *experts) for name in names))
 
 
+AXIS: Final = ("mean_width", "base_row", "axis_length")
+
 PRESETS: Final[Mapping[str, DistanceSettings]] = MappingProxyType(
     {
         "paper": DistanceSettings(),
-        # The far expert sees the thickness, too: better on simulated features, no better on rendered drives.
-        "thickness": DistanceSettings(far=(*BOX, "thickness")),
+        # The best that was measured (docs/MODELS.md): the width over the whole pole says more than that in its
+        # middle, where it ends says how far it stands, and for a thick one the taper helps to tell that apart.
+        "default": DistanceSettings(
+            close=(*BOX, *AXIS, "width_35", "width_85"),
+            far=(*BOX, *AXIS),
+        ),
     }
 )

@@ -18,8 +18,10 @@ def train_distance(
     folds: int = 10,
     segmenter: str = "polenet",
     threshold: float = 0.9,
-    preset: Literal["paper", "thickness"] = "paper",
+    preset: Literal["paper", "default"] = "paper",
     experts: int | None = None,
+    close: tuple[str, ...] = (),
+    far: tuple[str, ...] = (),
     every: int = 1,
     max_distance_m: float = 60.0,
     seed: int = 0,
@@ -42,6 +44,8 @@ def train_distance(
 
         scpf train distance mon.mcap tue.mcap -o distance.npz --segmenter recorded --report errors.json
 
+        scpf train distance drive.mcap -o distance.npz --preset default --figures figures
+
     Parameters
     ----------
     logs
@@ -55,9 +59,13 @@ def train_distance(
     segmenter
         `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
     preset
-        Features of the experts: `paper`, or `thickness` (the far expert sees the thickness, too).
+        Features of the experts: `paper`, or `default` (this project's best, with further features of the mask).
     experts
         How many experts share the distances, 1 to 5 (default: the preset's); 1 for a single one.
+    close
+        A feature of the expert for close poles, and of all but the farthest; repeat it (default: the preset's).
+    far
+        A feature of the expert for the farthest poles; repeat it (default: the preset's).
     threshold
         Detections of a lower score are left out.
     every
@@ -85,6 +93,7 @@ def train_distance(
     from scpf.models.distance_gate import GATE_FEATURES
     from scpf.models.distance_settings import PRESETS
     from scpf.models.errors import UsageError
+    from scpf.models.features import check_names
     from scpf.replay.distance_comparisons import compare
     from scpf.replay.distance_evaluation import bands, evaluate, hold_out, per_expert, residuals
     from scpf.replay.distance_figures import check_matplotlib, draw, figure_paths
@@ -104,7 +113,14 @@ def train_distance(
         check_matplotlib()  # before the long work, not after it
 
     say = _progress(quiet)
-    settings = PRESETS[preset] if experts is None else replace(PRESETS[preset], experts=experts)
+    settings = PRESETS[preset]
+    settings = replace(
+        settings,
+        experts=experts or settings.experts,
+        close=close or settings.close,
+        far=far or settings.far,
+    )
+    check_names(settings.features)
     samples = gather(
         logs,
         segmenter,

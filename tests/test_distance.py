@@ -22,6 +22,7 @@ from scpf.models.errors import DamagedError, InputError, MissingError, ScpfError
 from scpf.models.features import Features, measure
 from scpf.models.gaussian_process import Hyperparameters, condition, optimise
 from scpf.models.instances import Instance
+from scpf.replay.distance_simulation import simulate
 
 LENS = camera()
 QUICK = DistanceSettings(restarts=0)
@@ -190,6 +191,21 @@ def test_other_numbers_of_experts(experts: int, tmp_path: Path) -> None:
     model.save(tmp_path / "m.npz")
     assert DistanceModel.load(tmp_path / "m.npz").predict(instances, 1024, 768) == found
     assert version(tmp_path / "m.npz") == (2 if experts > 2 else 1)
+
+
+def test_the_default_preset_is_better_than_the_papers() -> None:
+    samples = simulate(np.random.default_rng(4), images=150, poles=30)
+    new = simulate(np.random.default_rng(5), images=100, poles=20)
+    errors = {}
+    for name in ("paper", "default"):
+        quick = replace(PRESETS[name], restarts=0)
+        about = TrainedOn(
+            "light_pole", samples.camera.width_px, samples.camera.height_px, samples.camera.matrix
+        )
+        model = fit(samples.features, samples.distances_m, quick, 0, about)
+        errors[name] = np.abs(model.predict_features(new.features).mean_m - new.distances_m).mean()
+    assert errors["default"] < 0.85 * errors["paper"]
+    assert errors["paper"] < 1.0
 
 
 def test_a_single_expert_needs_no_thickness() -> None:

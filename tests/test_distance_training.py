@@ -172,6 +172,11 @@ def test_the_command(
     alone = tmp_path / "single.npz"
     train_distance([log_path], output=alone, experts=1, **more)  # type: ignore[arg-type]
     assert DistanceModel.load(alone).names == ("single",)
+    chosen = ("x1", "tilt")
+    train_distance([log_path], output=alone, overwrite=True, experts=1, close=chosen, **more)  # type: ignore[arg-type]
+    assert DistanceModel.load(alone).inputs == (chosen,)
+    with pytest.raises(InputError, match="mood"):
+        train_distance([log_path], output=tmp_path / "mood.npz", far=("x1", "mood"))
     with pytest.raises(UsageError, match="experts"):
         train_distance([log_path], output=alone, experts=9, overwrite=True)
     with pytest.raises(UsageError, match="exists"):
