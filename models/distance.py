@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.camera import Camera
-from scpf.models.distance_gate import GATE_FEATURES, Gate, expert_names, fit_gate
-from scpf.models.distance_settings import DistanceSettings
+from scpf.models.distance_gate import GATE_FEATURES, Gate, expert_names
 from scpf.models.errors import InputError
-from scpf.models.features import UNSCALED, Features, check_names, measure
-from scpf.models.gaussian_process import MIN_SAMPLES, GaussianProcess, condition, optimise
+from scpf.models.features import UNSCALED, Features, measure
+from scpf.models.gaussian_process import GaussianProcess
 from scpf.models.instances import Instance
 from scpf.models.observation import Distance
 
@@ -81,7 +80,7 @@ class DistanceModel:
     def predict(
         self, instances: Sequence[Instance], image_width_px: int, image_height_px: int
     ) -> list[Distance | None]:
-        """The distance of each instance in an image of this size; None for one that is too small.
+        """The distance of each instance in an image of this size; None for one too small, or of another class.
 
         An image of another size but the same shape counts as a scaled one. Raises InputError for another
         shape.
@@ -93,7 +92,7 @@ class DistanceModel:
         names = self.names
         return [
             None
-            if measured.too_small[k]
+            if measured.too_small[k] or instance.landmark_class != self.trained_on.landmark_class
             else Distance(
                 float(found.mean_m[k]),
                 float(found.variance_m2[k]),
@@ -101,7 +100,7 @@ class DistanceModel:
                 names[found.expert[k]],
                 bool(found.in_range[k]),
             )
-            for k in range(len(instances))
+            for k, instance in enumerate(instances)
         ]
 
     def predict_features(self, features: Features) -> Predictions:
@@ -163,7 +162,9 @@ class DistanceModel:
 
         model = distance_file.load(path)
         if not isinstance(model, cls):
-            raise InputError(f"{path}: holds cross-fitted models", "give the model that was saved beside it")
+            raise InputError(
+                f"{path}: holds cross-fitted models, or several classes", "read it with distance_file.load"
+            )
         return model
 
     def _scale(self, width_px: int, height_px: int) -> float:
@@ -183,67 +184,3 @@ class DistanceModel:
             return features
         factors = np.array([1.0 if name in UNSCALED else scale for name in features.names])
         return replace(features, values=features.values * factors)
-
-
-def fit(
-    features: Features,
-    distances_m: Array,
-    settings: DistanceSettings,
-    seed: int,
-    trained_on: TrainedOn,
-    start: DistanceModel | None = None,
-) -> DistanceModel:
-    """The model of maximum marginal likelihood for N instances and their distances (N,) in m.
-
-    ``start``: a model whose hyperparameters the search begins with, instead of restarts (cross-fitting).
-    Where one of the gate's components has fewer than 8 samples there are fewer experts than
-    ``settings.experts``, and ``trained_on.notes["gate"]`` says so. Raises InputError for fewer than 8
-    samples in all, for an unknown feature, and for instances that are too small.
-    """
-    for names in settings.inputs(max(settings.experts, 1)):
-        check_names(names)
-    if settings.experts < 1 or len(features) != len(distances_m):
-        raise InputError(
-            f"{settings.experts} experts, {len(features)} instances, {len(distances_m)} distances"
-        )
-    if len(features) < MIN_SAMPLES or features.too_small.any():
-        small = int(features.too_small.sum())
-        raise InputError(
-            f"{len(features)} training samples, {small} of them too small; at least {MIN_SAMPLES} are needed",
-            "train with more frames, or on a longer drive",
-        )
-    gate, chosen = _divide(features, settings.experts, seed)
-    inputs = settings.inputs(1 if gate is None else len(gate.shares))
-    if len(inputs) < settings.experts:
-        note = f"{', '.join(expert_names(len(inputs)))}: too few samples for {settings.experts} experts"
-        trained_on = replace(trained_on, notes={**trained_on.notes, "gate": note})
-    warm = start is not None and start.inputs == inputs
-    rng = np.random.default_rng(seed)
-    experts = []
-    for k, names in enumerate(inputs):
-        rows = _thin(np.flatnonzero(chosen == k), settings.max_samples, rng)
-        few = _thin(rows, settings.max_search_samples, rng)
-        table = features.columns(names)
-        found = optimise(
-            table[few],
-            distances_m[few],
-            restarts=0 if warm else settings.restarts,
-            seed=seed,
-            start=start.experts[k].hyperparameters if warm and start is not None else None,
-        )
-        experts.append(condition(table[rows], distances_m[rows], found))
-    return DistanceModel(gate, tuple(experts), inputs, trained_on)
-
-
-def _divide(features: Features, most: int, seed: int) -> tuple[Gate | None, Indices]:
-    """The gate with as many experts, at most so many, as have 8 samples each; which (N,) answers for each row."""
-    for experts in range(min(most, len(features) // MIN_SAMPLES), 1, -1):
-        gate = fit_gate(features, experts, seed)
-        chosen = gate.experts(features)
-        if np.bincount(chosen, minlength=experts).min() >= MIN_SAMPLES:
-            return gate, chosen
-    return None, np.zeros(len(features), dtype=np.intp)
-
-
-def _thin(rows: Indices, most: int, rng: np.random.Generator) -> Indices:
-    return rows if len(rows) <= most else np.sort(rng.choice(rows, most, replace=False))

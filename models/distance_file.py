@@ -1,9 +1,9 @@
 """Distance models on disk: one .npz, arrays and a JSON member, no pickle.
 
 ``model.json`` (uint8) says format, version, the experts with their features and what the model was trained on; the
-arrays of expert E are named ``E.NAME``, those of a cross-fitted model's held-out predictions ``held_out.NAME``. The
-Cholesky factor is stored (its lower triangle, row by row), not computed anew, so that predictions are bit-equal to
-those before saving.
+arrays of expert E are named ``E.NAME``, those of a cross-fitted model's held-out predictions ``held_out.NAME``. Where
+there is a model for each of several landmark classes, the k-th one's names begin with ``k/``. The Cholesky factor is
+stored (its lower triangle, row by row), not computed anew, so that predictions are bit-equal to those before saving.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from scpf.models.cross_fitted import CrossFittedDistance
 from scpf.models.distance import DistanceModel, Predictions, TrainedOn
+from scpf.models.distance_classes import DistanceByClass
 from scpf.models.distance_gate import Gate, expert_names
 from scpf.models.errors import DamagedError, InputError, MissingError
 from scpf.models.features import FEATURES
@@ -26,7 +27,7 @@ from scpf.models.npz import load_arrays
 
 FORMAT: Final = "scpf.distance"
 VERSION: Final = 2
-"""What this scpf reads. Version 1 knows one or two experts; a file that needs no more is written as such."""
+"""What this scpf reads. Version 1 knows one class and one or two experts; what needs no more is written as such."""
 
 HEADER: Final = "model.json"
 MAX_BYTES: Final = 1 << 30
@@ -38,20 +39,19 @@ Array = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 
-def save(model: DistanceModel | CrossFittedDistance, path: Path) -> None:
+Distances = DistanceModel | CrossFittedDistance | DistanceByClass
+"""Everything that a file may hold."""
+
+
+def save(model: Distances, path: Path) -> None:
     """Write ``model`` to ``path``, replacing it only when the new file is whole."""
-    plain = model.model if isinstance(model, CrossFittedDistance) else model
-    header: dict[str, Any] = {"format": FORMAT, "version": 1 if len(plain.experts) <= 2 else 2}
     arrays: Arrays = {}
-    if isinstance(model, CrossFittedDistance):
-        header["model"] = _pack(model.model, arrays)
-        header["held_out"] = True
-        arrays["held_out.stamps_ns"] = model.stamps_ns
-        arrays["held_out.boxes_px"] = model.boxes_px
-        for name in HELD_OUT:
-            arrays[f"held_out.{name}"] = getattr(model.held_out, name)
+    if isinstance(model, DistanceByClass):
+        entries = [_entry(each, arrays, f"{k}/") for k, each in enumerate(model.models.values())]
+        header: dict[str, Any] = {"format": FORMAT, "version": 2, "classes": entries}
     else:
-        header["model"] = _pack(model, arrays)
+        entry = _entry(model, arrays, "")
+        header = {"format": FORMAT, "version": 1 if len(entry["model"]["experts"]) <= 2 else 2, **entry}
     arrays[HEADER] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     partial = path.with_name(path.name + ".partial")
     try:
@@ -62,8 +62,8 @@ def save(model: DistanceModel | CrossFittedDistance, path: Path) -> None:
         partial.unlink(missing_ok=True)
 
 
-def load(path: Path) -> DistanceModel | CrossFittedDistance:
-    """Read a model, plain or cross-fitted.
+def load(path: Path) -> Distances:
+    """Read a model, plain or cross-fitted, or one for each class.
 
     Raises MissingError where there is no file, DamagedError where it is cut short or contradicts itself,
     InputError where it is something else or was written by a newer scpf.
@@ -79,21 +79,45 @@ def load(path: Path) -> DistanceModel | CrossFittedDistance:
             raise InputError(f"{path}: not a distance model", "scpf train distance writes them")
         if header["version"] > VERSION:
             raise InputError(f"{path}: version {header['version']} is newer than this scpf", "update scpf")
-        model = _unpack(header["model"], arrays, path)
-        return _held_out(model, arrays) if header.get("held_out") else model
+        if "classes" not in header:
+            return _read(header, arrays, "", path)
+        models = [_read(entry, arrays, f"{k}/", path) for k, entry in enumerate(header["classes"])]
+        by_class = {each.trained_on.landmark_class: each for each in models}
+        if not models or len(by_class) < len(models):
+            raise ValueError("no class, or one class twice")
+        return DistanceByClass(by_class)
     except (KeyError, IndexError, ValueError, TypeError, AttributeError, OverflowError) as error:
         raise DamagedError(
             f"{path}: not a whole distance model ({error})", "train or copy it again"
         ) from error
 
 
-def _pack(model: DistanceModel, arrays: Arrays) -> dict[str, Any]:
+def _entry(model: DistanceModel | CrossFittedDistance, arrays: Arrays, prefix: str) -> dict[str, Any]:
+    """The header of one class; its arrays go into ``arrays``, each name after ``prefix``."""
+    if not isinstance(model, CrossFittedDistance):
+        return {"model": _pack(model, arrays, prefix)}
+    arrays[f"{prefix}held_out.stamps_ns"] = model.stamps_ns
+    arrays[f"{prefix}held_out.boxes_px"] = model.boxes_px
+    for name in HELD_OUT:
+        arrays[f"{prefix}held_out.{name}"] = getattr(model.held_out, name)
+    return {"model": _pack(model.model, arrays, prefix), "held_out": True}
+
+
+def _read(
+    entry: Mapping[str, Any], arrays: Arrays, prefix: str, path: Path
+) -> DistanceModel | CrossFittedDistance:
+    mine = {name.removeprefix(prefix): each for name, each in arrays.items() if name.startswith(prefix)}
+    model = _unpack(entry["model"], mine, path)
+    return _held_out(model, mine) if entry.get("held_out") else model
+
+
+def _pack(model: DistanceModel, arrays: Arrays, before: str) -> dict[str, Any]:
     """The header of one model; its arrays go into ``arrays``."""
     if model.gate is not None:
         for name in ("shares", "means", "variances"):
-            arrays[f"gate.{name}"] = getattr(model.gate, name)
+            arrays[f"{before}gate.{name}"] = getattr(model.gate, name)
     for name, expert in zip(model.names, model.experts, strict=True):
-        prefix, found = name, expert.hyperparameters
+        prefix, found = before + name, expert.hyperparameters
         arrays[f"{prefix}.scalars"] = np.array([found.signal_m2, found.noise_m2, expert.offset_m])
         arrays[f"{prefix}.length_scales"] = found.length_scales
         arrays[f"{prefix}.factor"] = expert.factor[np.tril_indices(len(expert.factor))]

@@ -15,7 +15,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.models.distance import DistanceModel, fit
+from scpf.models.distance import DistanceModel
+from scpf.models.distance_fit import fit
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.features import BOX
 from scpf.models.gaussian_process import MIN_SAMPLES, Hyperparameters, condition, optimise

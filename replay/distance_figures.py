@@ -1,10 +1,11 @@
 """Figures of a distance model as PNG files: predictions, errors by distance, coverage, and Tukey's intervals.
 
-The only importer of matplotlib, which comes with the extra ``figures``. Nothing is drawn on a screen.
+matplotlib comes with the extra ``figures``. Nothing is drawn on a screen.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -28,9 +29,16 @@ COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 """Told apart with any colour vision; one an expert."""
 
 
-def figure_paths(folder: Path) -> list[Path]:
-    """The files that ``draw`` writes."""
-    return [folder / f"distance_{name}.png" for name in ("predictions", "errors", "coverage", "comparisons")]
+def figure_paths(folder: Path, landmark_class: str) -> list[Path]:
+    """The files that ``draw`` writes; ``drawn`` finds those of any class."""
+    name = re.sub(r"\W+", "_", landmark_class)
+    kinds = ("predictions", "errors", "coverage", "comparisons")
+    return [folder / f"distance_{name}_{kind}.png" for kind in kinds]
+
+
+def drawn(folder: Path) -> list[Path]:
+    """The figures that are in ``folder`` already."""
+    return sorted(folder.glob("distance_*_*.png"))
 
 
 def check_matplotlib() -> None:
@@ -44,7 +52,12 @@ def check_matplotlib() -> None:
 
 
 def draw(
-    folder: Path, names: Sequence[str], held_out: Residuals, comparisons: Mapping[str, Any], about: str
+    folder: Path,
+    landmark_class: str,
+    names: Sequence[str],
+    held_out: Residuals,
+    comparisons: Mapping[str, Any],
+    about: str,
 ) -> list[Path]:
     """Write the figures of predictions that were held out by pole, and of ``compare``'s results by split.
 
@@ -58,7 +71,9 @@ def draw(
         lambda axes: _coverage(axes, names, held_out),
         lambda axes: _comparisons(axes, comparisons),
     ]
-    paths = figure_paths(folder)
+    if not len(held_out.error_m):  # a single pole leaves none to hold out
+        drawings[:3] = [_nothing] * 3
+    paths = figure_paths(folder, landmark_class)
     for path, drawing in zip(paths, drawings, strict=True):
         _save(path, drawing, about)
     return paths
@@ -79,6 +94,10 @@ def _save(path: Path, drawing: Callable[[Axes], None], about: str) -> None:
     # Without the version of matplotlib in it, the same figures give the same file.
     figure.savefig(partial, format="png", metadata={"Software": None})
     partial.replace(path)
+
+
+def _nothing(axes: Axes) -> None:
+    axes.set(title="No pole could be held out")
 
 
 def _predictions(axes: Axes, names: Sequence[str], held_out: Residuals) -> None:

@@ -7,10 +7,17 @@ from pathlib import Path
 from typing import Any
 
 
-def table(figures: Mapping[str, Any], written: list[Path]) -> str:
-    """The figures for the terminal, the written files on its last lines."""
-    lines = [f"{figures['samples']} samples of {figures['poles']} poles in {figures['frames']} frames"]
-    lines += [f"  left out: {count} {reason}" for reason, count in figures["dropped"].items()]
+def table(results: Mapping[str, Any], written: list[Path]) -> str:
+    """The results of a training for the terminal, the written files on its last lines."""
+    lines = [f"{results['frames']} frames"]
+    lines += [f"  left out: {count} {reason}" for reason, count in results["dropped"].items()]
+    for name, figures in results["classes"].items():
+        lines += _of_class(name, figures)
+    return "\n".join([*lines, *(f"{path}" for path in written)])
+
+
+def _of_class(name: str, figures: Mapping[str, Any]) -> list[str]:
+    lines = [f"{name}: {figures['samples']} samples of {figures['poles']} poles"]
     heads = (
         ("n", 7),
         ("train", 8),
@@ -28,14 +35,14 @@ def table(figures: Mapping[str, Any], written: list[Path]) -> str:
         ("by_pole_searched", "… hyperparameters anew"),
     )
     for key, title in blocks:
-        for name, row in figures.get(key, {}).get("validation", {}).items():
-            lines.append(_row(f"{title}, {name}", row, figures[key]["train"].get(name)))
+        for expert, row in figures.get(key, {}).get("validation", {}).items():
+            lines.append(_row(f"{title}, {expert}", row, figures[key]["train"].get(expert)))
     for key, title in (("by_pole_bands", "by pole"), ("cross_fitted", "cross-fitted")):
         lines += [_row(f"{title}, {name}", row) for name, row in figures.get(key, {}).items()]
     for split, title in (("random", "at random"), ("by_pole", "by pole")):
         for name, found in figures.get("comparisons", {}).get(split, {}).items():
             lines += _comparison(f"{title}, {name}", found)
-    return "\n".join([*lines, *(f"{path}" for path in written)])
+    return lines
 
 
 def _row(title: str, row: Mapping[str, Any] | None, train: Mapping[str, Any] | None = None) -> str:

@@ -93,6 +93,7 @@ def simulate(
         images,
         0,
         {},
+        np.full(len(rows), "light_pole"),
     )
     return every.rows(kept)
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scpf.ingest.drive_log import DriveLog
 from scpf.models.camera import Camera
 from scpf.models.cross_fitted import CrossFittedDistance
-from scpf.models.distance import DistanceModel, Predictions, TrainedOn, fit
+from scpf.models.distance import DistanceModel, Predictions, TrainedOn
+from scpf.models.distance_fit import fit
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.errors import InputError, MissingError
 from scpf.models.features import BOX, FEATURES, Features, measure
@@ -34,7 +35,7 @@ NO_POSE: Final = "no reference pose at the frame"
 class Samples:
     """N labelled instances.
 
-    ``features`` (N); ``distances_m`` (N,), ``landmark_ids`` (N,), ``stamps_ns`` (N,). ``dropped`` counts
+    ``features`` (N); ``distances_m``, ``landmark_ids``, ``stamps_ns``, ``landmark_classes`` (N,). ``dropped`` counts
     instances by the reason they were left out for; ``frames`` were read, ``unreadable`` of them could not
     be decoded.
     """
@@ -47,6 +48,7 @@ class Samples:
     frames: int
     unreadable: int
     dropped: Mapping[str, int]
+    landmark_classes: NDArray[np.str_]
 
     def __len__(self) -> int:
         return len(self.distances_m)
@@ -59,7 +61,13 @@ class Samples:
             distances_m=self.distances_m[which],
             landmark_ids=self.landmark_ids[which],
             stamps_ns=self.stamps_ns[which],
+            landmark_classes=self.landmark_classes[which],
         )
+
+    def by_class(self) -> dict[str, Samples]:
+        """The samples of each landmark class; what was dropped is not divided."""
+        names = np.unique(self.landmark_classes).tolist()
+        return {name: self.rows(self.landmark_classes == name) for name in names}
 
 
 def gather(
@@ -81,7 +89,7 @@ def gather(
     """
     camera: Camera | None = None
     tables: list[Features] = []
-    rows: list[tuple[float, str, int]] = []
+    rows: list[tuple[float, str, int, str]] = []
     dropped: Counter[str] = Counter()
     frames = unreadable = 0
     for path in paths:
@@ -108,15 +116,16 @@ def gather(
                     dropped[TOO_SMALL] += int((known & measured.too_small).sum())
                     kept = np.flatnonzero(known & ~measured.too_small)
                     tables.append(measured.rows(kept))
-                    chosen = [labels[k] for k in kept]
-                    rows += [(each.distance_m or 0.0, each.landmark_id, stamp_ns) for each in chosen]
+                    for k in kept.tolist():
+                        each, name = labels[k], instances[k].landmark_class
+                        rows.append((each.distance_m or 0.0, each.landmark_id, stamp_ns, name))
                 if on_frame is not None:
                     on_frame(frames, len(rows))
     if camera is None or not rows:
         reasons = "; ".join(f"{count} × {reason}" for reason, count in dropped.items() if count)
         hint = reasons or "the segmenter found nothing"
         raise InputError(f"no labelled instance in {frames} frames, {unreadable} of them unreadable", hint)
-    distances, ids, stamps = zip(*rows, strict=True)
+    distances, ids, stamps, classes = zip(*rows, strict=True)
     features = Features(
         tables[0].names,
         np.concatenate([table.values for table in tables]),
@@ -132,6 +141,7 @@ def gather(
         frames,
         unreadable,
         {reason: count for reason, count in dropped.most_common() if count},
+        np.array(classes),
     )
 
 
@@ -170,9 +180,11 @@ def _check_same(camera: Camera, other: Camera, path: Path) -> None:
 def train(
     samples: Samples, settings: DistanceSettings, seed: int, notes: Mapping[str, str] | None = None
 ) -> DistanceModel:
-    """The model of all samples; ``notes`` say where they come from."""
-    camera = samples.camera
-    about = TrainedOn("light_pole", camera.width_px, camera.height_px, camera.matrix, dict(notes or {}))
+    """The model of all samples; ``notes`` say where they come from. InputError where they are of several classes."""
+    camera, classes = samples.camera, np.unique(samples.landmark_classes).tolist()
+    if len(classes) != 1:
+        raise InputError(f"samples of {len(classes)} landmark classes: {classes}", "train one model for each")
+    about = TrainedOn(classes[0], camera.width_px, camera.height_px, camera.matrix, dict(notes or {}))
     return fit(samples.features, samples.distances_m, settings, seed, about)
 
 

@@ -19,8 +19,7 @@ from scpf.ingest.assemble import sha256
 from scpf.ingest.drive_log import DriveLog
 from scpf.ingest.topics import IMAGE_TOPIC
 from scpf.models.camera import Camera
-from scpf.models.cross_fitted import CrossFittedDistance
-from scpf.models.distance import DistanceModel
+from scpf.models.distance_file import Distances
 from scpf.models.errors import InputError, MissingError
 from scpf.models.road_map import to_geojson
 from scpf.replay.ahead import Ahead
@@ -170,7 +169,7 @@ def replay(
     return summary
 
 
-def _distance_model(name: str, camera: Camera) -> DistanceModel | CrossFittedDistance:
+def _distance_model(name: str, camera: Camera) -> Distances:
     """The distance model by name (``default``: the one that ships) or file; it has to fit the camera's images."""
     from scpf.models import distance_file
 

@@ -36,7 +36,8 @@ def train_distance(
 
     Every instance that the segmenter finds is matched to a mapped pole by the reference pose; its box and the
     thickness of its mask, with the distance to that pole, are a sample. Prints errors of held-out samples, and the
-    paper's two comparisons by Tukey's test: box or box and mask, one expert or a mixture.
+    paper's two comparisons by Tukey's test: box or box and mask, one expert or a mixture. Each landmark class gets a
+    model of its own.
 
     Examples:
 
@@ -94,19 +95,18 @@ def train_distance(
     from scpf.models.distance_settings import PRESETS
     from scpf.models.errors import UsageError
     from scpf.models.features import check_names
-    from scpf.replay.distance_comparisons import compare
-    from scpf.replay.distance_evaluation import bands, evaluate, hold_out, per_expert, residuals
-    from scpf.replay.distance_figures import check_matplotlib, draw, figure_paths
+    from scpf.replay.distance_classes import Judged, by_class, judge, together
+    from scpf.replay.distance_figures import check_matplotlib, draw, drawn
     from scpf.replay.distance_report import table
-    from scpf.replay.distance_training import cross_fit, gather, train
+    from scpf.replay.distance_training import gather
 
     if every < 1 or folds < 2 or repetitions < 1 or max_distance_m <= 0:
         raise UsageError("--every, --repetitions and --max-distance-m are at least 1, --folds at least 2")
     if experts is not None and not 1 <= experts <= 5:
         raise UsageError(f"--experts {experts}: 1 to 5 experts can share the distances")
-    drawn = [] if figures is None else figure_paths(figures)
-    written = [path for path in (output, cross_fitted, report, *drawn) if path is not None]
-    for path in written:
+    there = [] if figures is None else drawn(figures)
+    written = [path for path in (output, cross_fitted, report) if path is not None]
+    for path in (*written, *there):
         if path.exists() and not overwrite:
             raise UsageError(f"{path} exists", "choose another name, or give --overwrite")
     if figures is not None:
@@ -130,7 +130,7 @@ def train_distance(
         lambda frames, n: say(f"{frames} frames, {n} samples"),
         tuple(dict.fromkeys((*GATE_FEATURES, *settings.features))),
     )
-    say(f"fitting {len(samples)} samples")
+    classes, few = by_class(samples)
     notes = {
         "logs": ", ".join(log.name for log in logs),
         "segmenter": Path(segmenter).name,
@@ -139,37 +139,29 @@ def train_distance(
         "max_distance_m": f"{max_distance_m:g}",
         "preset": preset,
         "seed": str(seed),
-        "samples": str(len(samples)),
-        "poles": str(len(set(samples.landmark_ids.tolist()))),
     }
-    model = train(samples, settings, seed, notes)
-    model.save(output)
-    say("evaluating")
+    judged: dict[str, Judged] = {}
+    for name, mine in classes.items():
+        parts = None if cross_fitted is None else folds
+        judged[name] = judge(mine, settings, seed, repetitions, notes, parts, say)
+    together({name: each.model for name, each in judged.items()}).save(output)
+    if cross_fitted is not None:
+        fitted = {name: each.cross_fitted for name, each in judged.items() if each.cross_fitted is not None}
+        together(fitted).save(cross_fitted)
     results: dict[str, Any] = {
-        "samples": len(samples),
-        "poles": int(notes["poles"]),
         "frames": samples.frames,
         "unreadable_frames": samples.unreadable,
         "dropped": dict(samples.dropped),
-        "model": model.metadata,
-        **evaluate(samples, model, settings, seed, repetitions),
+        "too_few_samples": few,
+        "classes": {name: each.figures for name, each in judged.items()},
     }
-    say("comparing")
-    results["comparisons"] = {
-        split: compare(samples, model, settings, seed, repetitions, by_pole=split == "by_pole")
-        for split in ("random", "by_pole")
-    }
-    if cross_fitted is not None:
-        say("cross-fitting")
-        fitted = cross_fit(samples, model, settings, seed, folds)
-        fitted.save(cross_fitted)
-        pooled = residuals(samples, fitted.held_out)
-        results["cross_fitted"] = per_expert(model.names, pooled)
-        results["cross_fitted_bands"] = bands(pooled)
     if figures is not None:
-        again = hold_out(samples, model, settings, repetitions, seed + 1, by_pole=True)  # evaluate's own
-        about = f"{len(samples)} samples of {notes['poles']} poles, preset {preset}, {notes['logs']}"
-        draw(figures, model.names, again.validation, results["comparisons"], about)
+        for name, each in judged.items():
+            about = (
+                f"{len(classes[name])} samples of {each.figures['poles']} poles, {notes['logs']}, {preset}"
+            )
+            held_out, comparisons = each.by_pole.validation, each.figures["comparisons"]
+            written += draw(figures, name, each.model.names, held_out, comparisons, about)
     say("")
     text = json.dumps(results, indent=1, allow_nan=False)
     if report is not None:
@@ -179,7 +171,9 @@ def train_distance(
     print(text if format == "json" else table(results, written))
     if samples.unreadable:
         print(f"scpf: {samples.unreadable} of {samples.frames} frames could not be decoded", file=sys.stderr)
-    return 3 if samples.unreadable else 0
+    for name, count in few.items():
+        print(f"scpf: no model for {name}: {count} samples are too few", file=sys.stderr)
+    return 3 if samples.unreadable or few else 0
 
 
 def _progress(quiet: bool) -> Callable[[str], None]:

@@ -15,7 +15,8 @@ from pole_scenes import camera, pose, see
 
 from scpf.models import distance_file
 from scpf.models.cross_fitted import CrossFittedDistance
-from scpf.models.distance import DistanceModel, Predictions, TrainedOn, fit
+from scpf.models.distance import DistanceModel, Predictions, TrainedOn
+from scpf.models.distance_fit import fit
 from scpf.models.distance_gate import expert_names
 from scpf.models.distance_settings import PRESETS, DistanceSettings
 from scpf.models.errors import DamagedError, InputError, MissingError, ScpfError

@@ -29,7 +29,7 @@ def made(n: int = 160, seed: int = 0) -> Samples:
     flags = np.zeros(n, dtype=bool)
     features = Features(("x1", "x2", "y1", "y2", "thickness"), values, flags, flags)
     ids = np.array([f"P{k}" for k in (np.arange(n) // 2) % 8])
-    return Samples(features, distance, ids, np.arange(n), camera(), n, 0, {})
+    return Samples(features, distance, ids, np.arange(n), camera(), n, 0, {}, np.full(n, "light_pole"))
 
 
 def test_the_better_contender_is_found() -> None:

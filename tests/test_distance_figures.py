@@ -11,7 +11,7 @@ from PIL import Image
 
 from scpf.models.errors import MissingError
 from scpf.replay.distance_evaluation import Residuals
-from scpf.replay.distance_figures import check_matplotlib, draw, figure_paths
+from scpf.replay.distance_figures import check_matplotlib, draw, drawn, figure_paths
 
 PAIR = {"pair": ["box", "box + mask"], "difference_m": 0.3, "low_m": 0.2, "high_m": 0.4, "p": 0.001}
 COMPARISONS = {
@@ -28,11 +28,13 @@ def held_out(scale: float = 1.0) -> Residuals:
 
 
 def test_four_pictures_that_depend_on_the_figures(tmp_path: Path) -> None:
-    first = draw(tmp_path / "a", ("close", "far"), held_out(), COMPARISONS, "about")
-    again = draw(tmp_path / "b", ("close", "far"), held_out(), COMPARISONS, "about")
-    other = draw(tmp_path / "c", ("close", "far"), held_out(2.0), {"random": {}, "by_pole": {}}, "about")
-    assert first == figure_paths(tmp_path / "a")
-    assert sorted((tmp_path / "a").iterdir()) == sorted(first)
+    first = draw(tmp_path / "a", "light pole", ("close", "far"), held_out(), COMPARISONS, "about")
+    again = draw(tmp_path / "b", "light pole", ("close", "far"), held_out(), COMPARISONS, "about")
+    other = draw(
+        tmp_path / "c", "light pole", ("close", "far"), held_out(2.0), {"random": {}, "by_pole": {}}, "about"
+    )
+    assert first == figure_paths(tmp_path / "a", "light pole")
+    assert sorted((tmp_path / "a").iterdir()) == sorted(first) == drawn(tmp_path / "a")
     for one, same, different in zip(first, again, other, strict=True):
         assert one.read_bytes() == same.read_bytes()
         assert one.read_bytes() != different.read_bytes()
@@ -41,11 +43,17 @@ def test_four_pictures_that_depend_on_the_figures(tmp_path: Path) -> None:
             assert len(np.unique(np.asarray(picture.convert("L")))) > 20
 
 
+def test_a_single_pole_leaves_nothing_to_draw(tmp_path: Path) -> None:
+    none = np.zeros(0)
+    empty = Residuals(none, none, none, none, np.zeros(0, dtype=np.intp))
+    assert len(draw(tmp_path, "sign", ("single",), empty, {"random": {}, "by_pole": {}}, "about")) == 4
+
+
 def test_without_matplotlib_the_remedy_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(MissingError, match="matplotlib") as caught:
         check_matplotlib()
     assert "pip install 'scpf[figures]'" in caught.value.hint
     with pytest.raises(MissingError):
-        draw(tmp_path / "none", ("close", "far"), held_out(), COMPARISONS, "about")
+        draw(tmp_path / "none", "light pole", ("close", "far"), held_out(), COMPARISONS, "about")
     assert not (tmp_path / "none").exists()

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pole_scenes import camera, pose, road_map, see
 
-from scpf.ingest.drive_log import MAP_ATTACHMENT, DriveLogWriter
-from scpf.models import distance, distance_file, distance_settings
+from scpf.ingest.drive_log import MAP_ATTACHMENT, DriveLog, DriveLogWriter
+from scpf.models import distance_file, distance_fit, distance_settings
 from scpf.models.cross_fitted import CrossFittedDistance
 from scpf.models.distance import DistanceModel
+from scpf.models.distance_classes import DistanceByClass
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.errors import InputError, MissingError, UsageError
 from scpf.models.road_map import to_geojson
@@ -26,9 +29,22 @@ START_NS = 1_700_000_000_000_000_000
 FEET = tuple((15.0 + 22.0 * k, 4.5 if k % 2 else -4.0) for k in range(14))
 
 
-def write_log(path: Path, *, frames: int = 150, images: bool = False, parts: bool = True) -> Path:
-    """A drive of two metres a frame, four frames a second, past poles on both sides."""
-    mapped = road_map(*FEET)
+def write_log(
+    path: Path,
+    *,
+    frames: int = 150,
+    images: bool = False,
+    parts: bool = True,
+    signs: Sequence[int] = (),
+    posts: Sequence[int] = (),
+) -> Path:
+    """A drive of two metres a frame, four frames a second, past poles on both sides; some are signs or posts."""
+    classes = {**dict.fromkeys(signs, "sign"), **dict.fromkeys(posts, "post")}
+    poles = road_map(*FEET)
+    marks = [
+        replace(mark, landmark_class=classes.get(n, "light_pole")) for n, mark in enumerate(poles.landmarks)
+    ]
+    mapped = replace(poles, landmarks=tuple(marks))
     rng = np.random.default_rng(5)
     thick = rng.uniform(0.085, 0.095, len(FEET))
     with DriveLogWriter(path) as log:
@@ -43,7 +59,12 @@ def write_log(path: Path, *, frames: int = 150, images: bool = False, parts: boo
                 for n, foot in enumerate(FEET)
                 if foot[0] > 2 * k + 5
             ]
-            log.write_instances(stamp, [each for _, each in ahead if each is not None])
+            seen = [
+                replace(each, landmark_class=classes.get(n, "light_pole"))
+                for n, each in ahead
+                if each is not None
+            ]
+            log.write_instances(stamp, seen)
             if images:
                 log.write_image(stamp, b"no image", "jpeg")
     return path
@@ -120,7 +141,7 @@ def test_cross_fitting_never_uses_the_same_pole(
     def spy(features, distances_m, *rest, **more):  # type: ignore[no-untyped-def]
         used = np.isin(samples.distances_m, distances_m)
         trained_on.append(set(samples.landmark_ids[used]))
-        return distance.fit(features, distances_m, *rest, **more)
+        return distance_fit.fit(features, distances_m, *rest, **more)
 
     monkeypatch.setattr(distance_training, "fit", spy)
     fitted = cross_fit(samples, model, QUICK, 0, folds=4)
@@ -162,8 +183,9 @@ def test_the_command(
     assert "at random, close: box " in text.out
     assert text.err == ""
     figures = json.loads(report.read_text())
-    assert figures["poles"] == len(FEET)
-    assert list(figures["comparisons"]["by_pole"]) == ["close", "far", "all"]
+    mine = figures["classes"]["light_pole"]
+    assert mine["poles"] == len(FEET)
+    assert list(mine["comparisons"]["by_pole"]) == ["close", "far", "all"]
     assert DistanceModel.load(output).metadata["segmenter"] == "recorded"
     assert isinstance(distance_file.load(fitted), CrossFittedDistance)
     assert sorted(path.suffix for path in pictures.iterdir()) == [".png"] * 4
@@ -183,6 +205,72 @@ def test_the_command(
         train_distance([log_path], output=output, segmenter="recorded")
     with pytest.raises(UsageError):
         train_distance([log_path], output=output, every=0, overwrite=True)
+
+
+def test_each_class_gets_its_own_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(distance_settings, "PRESETS", {"paper": QUICK})
+    log = write_log(tmp_path / "two.mcap", signs=(1, 3, 5, 7, 9, 11), posts=(0,))
+    output, fitted = tmp_path / "m.npz", tmp_path / "c.npz"
+    report, pictures = tmp_path / "r.json", tmp_path / "pictures"
+    code = train_distance(
+        [log],
+        output=output,
+        cross_fitted=fitted,
+        report=report,
+        figures=pictures,
+        segmenter="recorded",
+        every=2,
+        folds=3,
+        repetitions=2,
+    )
+    assert code == 3  # the posts are too few
+    assert "no model for post" in capsys.readouterr().err
+    results = json.loads(report.read_text())
+    assert list(results["classes"]) == ["light_pole", "sign"]
+    assert results["classes"]["sign"]["poles"] == 6
+    assert results["too_few_samples"]["post"] < 8
+    assert len(list(pictures.iterdir())) == 8
+
+    both = distance_file.load(output)
+    assert isinstance(both, DistanceByClass)
+    with pytest.raises(InputError, match="several classes"):
+        DistanceModel.load(output)
+    both.check_camera(LENS)
+    assert both.metadata["sign: landmark_class"] == "sign"
+    seen = see(LENS, pose(), (20.0, 3.0))
+    assert seen is not None
+    pole, sign, post = (replace(seen, landmark_class=name) for name in ("light_pole", "sign", "post"))
+    found = both.for_frame(0).predict([sign, post, pole], 1024, 768)
+    assert found[1] is None
+    for one, name, instance in ((found[0], "sign", sign), (found[2], "light_pole", pole)):
+        assert [one] == both.models[name].for_frame(0).predict([instance], 1024, 768)
+    assert both.models["light_pole"].for_frame(0).predict([sign], 1024, 768) == [None]
+    assert both.predict([sign, post, pole], 1024, 768) == found
+
+    crossed = distance_file.load(fitted)
+    assert isinstance(crossed, DistanceByClass)
+    crossed.save(tmp_path / "again.npz")
+    again = distance_file.load(tmp_path / "again.npz")
+    assert isinstance(again, DistanceByClass)
+    with DriveLog(log) as opened:
+        stamp, instances = next(iter(opened.instances().items()))
+    first = crossed.for_frame(stamp).predict(instances, 1024, 768)
+    assert first == again.for_frame(stamp).predict(instances, 1024, 768)
+    assert first != both.for_frame(stamp).predict(instances, 1024, 768)
+
+
+def test_samples_of_several_classes_are_no_model(samples: Samples) -> None:
+    names = np.where(np.arange(len(samples)) % 2 == 0, "sign", "light_pole")
+    mixed = replace(samples, landmark_classes=names)
+    with pytest.raises(InputError, match="2 landmark classes"):
+        train(mixed, QUICK, 0)
+    parts = mixed.by_class()
+    assert {name: len(part) for name, part in parts.items()} == {
+        "light_pole": len(samples) // 2,
+        "sign": (len(samples) + 1) // 2,
+    }
 
 
 def test_unreadable_frames_give_exit_code_3(
