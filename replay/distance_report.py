@@ -41,7 +41,7 @@ def _of_class(name: str, figures: Mapping[str, Any]) -> list[str]:
         lines += [_row(f"{title}, {name}", row) for name, row in figures.get(key, {}).items()]
     for split, title in (("random", "at random"), ("by_pole", "by pole")):
         for name, found in figures.get("comparisons", {}).get(split, {}).items():
-            lines += _comparison(f"{title}, {name}", found)
+            lines += comparison_lines(f"{title}, {name}", found)
     return lines
 
 
@@ -55,7 +55,7 @@ def _row(title: str, row: Mapping[str, Any] | None, train: Mapping[str, Any] | N
     )
 
 
-def _comparison(title: str, found: Mapping[str, Any] | None) -> list[str]:
+def comparison_lines(title: str, found: Mapping[str, Any] | None) -> list[str]:
     """A line for each pair of Tukey's test: means, difference with its interval, and what follows."""
     if found is None:
         return [f"{title}: too few samples to compare"]
