@@ -11,19 +11,21 @@ from cyclopts import Parameter
 
 
 def replay(
-    logs: Annotated[tuple[Path, ...], Parameter(negative="")],
+    logs: Annotated[tuple[Path, ...], Parameter(negative="")] = (),
     /,
     *,
     output: Annotated[Path, Parameter(alias="-o")] = Path(),
     name: str = "",
-    preset: Literal["paper", "default", "pf"] = "paper",
-    segmenter: str = "polenet",
-    threshold: float = 0.9,
-    bfloat16: bool = False,
-    distance_model: str = "default",
-    gps: Literal["auto", "log", "emulated", "none"] = "auto",
-    gps_sigma: float = 3.0,
-    seed: int = 0,
+    preset: Literal["paper", "default", "pf"] | None = None,
+    config: Path | None = None,
+    show_config: Annotated[bool, Parameter(negative="")] = False,
+    segmenter: str | None = None,
+    threshold: float | None = None,
+    bfloat16: bool | None = None,
+    distance_model: str | None = None,
+    gps: Literal["auto", "log", "emulated", "none"] | None = None,
+    gps_sigma: float | None = None,
+    seed: int | None = None,
     gps_outage: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     rate: float = float("inf"),
     pace: str = "max",
@@ -57,22 +59,29 @@ def replay(
     name
         What the files are called; the log's own name by default, and always where there are several.
     preset
-        The filter's configuration: the paper's, this project's best (`default`), or the plain particle filter.
+        The filter's configuration: the paper's, this project's best (`default`), or the plain particle filter. By
+        default the paper's.
+    config
+        Settings as TOML (--show-config prints them all), or the NAME.json of an earlier replay, to run it again. What
+        is typed beside it counts more.
+    show_config
+        Print the settings as TOML and stop.
     segmenter
-        `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
+        `polenet` (the default), `recorded` (masks that the log holds), or a .safetensors file.
     threshold
-        Detections of a lower score are left out.
+        Detections of a lower score are left out. By default 0.9, as in the paper.
     bfloat16
         Run the network in bfloat16: half the time on CPUs that compute it themselves. Results then differ a little
         between machines.
     distance_model
-        `default`, or a file that `scpf train distance` wrote.
+        `default` (the one that ships), or a file that `scpf train distance` wrote.
     gps
-        Where the rough GPS comes from: the log, the disturbed reference, or nowhere after the start.
+        Where the rough GPS comes from: the log, the disturbed reference, or nowhere after the start. By default
+        (`auto`) the log where it has one, else the reference.
     gps_sigma
-        Standard deviation a axis of the emulated GPS, m.
+        Standard deviation a axis of the emulated GPS, m. By default 3.
     seed
-        Seed of GPS noise and particles: the same seed gives the same results.
+        Seed of GPS noise and particles: the same seed gives the same results. By default 0.
     gps_outage
         No GPS from A to B, as A:B in seconds after the log's first image; may be given several times.
     rate
@@ -105,16 +114,31 @@ def replay(
     from scpf.replay.frames import Window
     from scpf.replay.pace import PaceSettings
     from scpf.replay.progress import Progress
-    from scpf.replay.settings import GpsSettings
+    from scpf.replay.settings import check
     from scpf.replay.settings import preset as settings_of
+    from scpf.replay.settings_file import read_settings, to_toml
 
-    if gps_sigma <= 0:
-        raise UsageError(f"--gps-sigma {gps_sigma}: a standard deviation is positive")
+    settings = settings_of(preset or "paper") if config is None else read_settings(config, preset)
+    outages_s = tuple(_outage(text) for text in gps_outage) or None
+    typed = {
+        "segmenter": segmenter,
+        "score_threshold": threshold,
+        "bfloat16": bfloat16,
+        "distance_model": distance_model,
+        "seed": seed,
+        "gps": replace(settings.gps, **_given(source=gps, sigma_m=gps_sigma, outages_s=outages_s)),
+    }
+    settings = replace(settings, **_given(**typed))
+    check(settings)
+    if show_config:
+        print(to_toml(settings), end="")
+        return 0
+    if not logs:
+        raise UsageError("which drive log?", "scpf replay LOG ...")
     if not 0 <= start < stop:
         raise UsageError(f"--start {start:g} --stop {stop:g}: nothing lies between them")
     if not rate > 0:
         raise UsageError(f"--rate {rate:g}: a rate is positive")
-    outages_s = tuple(_outage(text) for text in gps_outage)
     pacing = PaceSettings(_factor(pace), late)
     if name and len(logs) > 1:
         raise UsageError(f"--name {name} for {len(logs)} logs", "each is called by its own name")
@@ -126,15 +150,6 @@ def replay(
         if not overwrite:
             outputs.refuse_existing()
     output.mkdir(parents=True, exist_ok=True)
-    settings = replace(
-        settings_of(preset),
-        segmenter=segmenter,
-        score_threshold=threshold,
-        bfloat16=bfloat16,
-        distance_model=distance_model,
-        seed=seed,
-        gps=GpsSettings(gps, gps_sigma, outages_s),
-    )
     window = Window(start, stop, rate)
     summaries = []
     for log, outputs in jobs:
@@ -163,6 +178,11 @@ def replay(
     if format == "json":
         print(json.dumps(summaries[0] if len(summaries) == 1 else summaries, indent=1))
     return 3 if any(summary["warnings"] for summary in summaries) else 0
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    """Those of the values that were typed."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _outage(text: str) -> tuple[float, float]:

@@ -110,3 +110,27 @@ def preset(name: str) -> Settings:
     if name not in PRESETS:
         raise UsageError(f"no preset {name!r}", f"presets: {', '.join(PRESETS)}")
     return PRESETS[name]
+
+
+def check(settings: Settings) -> None:
+    """Raise UsageError where a number lies outside of what it can mean."""
+    rules = (
+        ("gps.sigma_m", settings.gps.sigma_m, 1e-3, 1e4),
+        ("score_threshold", settings.score_threshold, 0.0, 1.0),
+        ("filter.particles", settings.filter.particles, 1, 1_000_000),
+        ("q_m2ps3", settings.q_m2ps3, 0.0, 1e6),
+        ("baseline_q_m2ps3", settings.baseline_q_m2ps3, 0.0, 1e6),
+        ("constraints.road_slack_mean_m", settings.constraints.road_slack_mean_m, 1e-6, 1e6),
+        ("constraints.speed_slack_mean_mps", settings.constraints.speed_slack_mean_mps, 1e-6, 1e6),
+        ("surface.cells", settings.surface.cells, 2, 2000),
+        ("surface.cell_m", settings.surface.cell_m, 1e-3, 1e3),
+        ("seed", settings.seed, 0, 2**63 - 1),
+    )
+    for name, value, low, high in rules:
+        if not low <= value <= high:
+            raise UsageError(f"{name} = {value:g}", f"it has to lie between {low:g} and {high:g}")
+    for begin, end in settings.gps.outages_s:
+        if not begin < end:
+            raise UsageError(f"a GPS outage from {begin:g} to {end:g}", "its end comes after its begin")
+    if len(settings.filter.initial_variance) != 4 or min(settings.filter.initial_variance) < 0.0:
+        raise UsageError("filter.initial_variance", "four variances: x, y, vx, vy")
