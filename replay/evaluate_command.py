@@ -16,6 +16,12 @@ def evaluate(
     drives: int = 2,
     frames: int = 4000,
     matching: Literal["known", "unknown"] = "unknown",
+    gps_outage: tuple[str, ...] = (),
+    no_gps: bool = False,
+    drop_out: float = 0.0,
+    map_error: str | None = None,
+    range_error: str | None = None,
+    errors: Literal["white", "correlated"] | None = None,
     seed: int = 0,
     jobs: int = 1,
     backend: Literal["loky", "multiprocessing", "threading"] = "loky",
@@ -35,6 +41,8 @@ def evaluate(
 
         scpf evaluate --presets paper --presets pf --cases P --sigma 3 --sigma 10 --matching known
 
+        scpf evaluate --gps-outage 60:90 --gps-outage 200:220 --drop-out 0.3 --map-error 0.5:1
+
         scpf evaluate --jobs 8 --json figures.json --csv figures.csv
 
     Parameters
@@ -53,6 +61,18 @@ def evaluate(
         Frames of each drive, at 13 Hz.
     matching
         Whether the estimators are told which pole a detection shows.
+    gps_outage
+        Seconds without GPS, FROM:TO after the first frame; may be given several times.
+    no_gps
+        No GPS after the first frame.
+    drop_out
+        Probability that a detection is lost, beyond those that the case loses.
+    map_error
+        How far each landmark of the map is off, LEAST:MOST (m); otherwise the case's own.
+    range_error
+        Mean absolute errors of distances, CLOSE:FAR (m); otherwise the case's own.
+    errors
+        Whether errors of distances are drawn anew in each frame or last for a second; otherwise the case's own.
     seed
         Seed of drives, fixes and particles.
     jobs
@@ -71,6 +91,7 @@ def evaluate(
     from scpf.models.errors import UsageError
     from scpf.replay.evaluation import Plan
     from scpf.replay.evaluation import evaluate as carry_out
+    from scpf.replay.evaluation_conditions import Conditions
     from scpf.replay.evaluation_report import as_csv, as_json, as_table
 
     if jobs == 0:
@@ -78,7 +99,15 @@ def evaluate(
     for path in (json, csv):
         if path is not None and path.exists() and not overwrite:
             raise UsageError(f"{path} exists", "choose another name, or give --overwrite")
-    plan = Plan(presets, cases, sigma, runs, drives, frames, matching == "known", seed)
+    conditions = Conditions(
+        gps_outages_s=tuple(pair(text, "--gps-outage") for text in gps_outage),
+        gps_after_start=not no_gps,
+        drop_out=drop_out,
+        map_error_m=None if map_error is None else pair(map_error, "--map-error"),
+        range_error_m=None if range_error is None else pair(range_error, "--range-error"),
+        correlated=None if errors is None else errors == "correlated",
+    )
+    plan = Plan(presets, cases, sigma, runs, drives, frames, matching == "known", seed, conditions)
     results = carry_out(plan, jobs, backend)
     for path, text in ((json, as_json(plan, results) + "\n"), (csv, as_csv(results))):
         if path is not None:
@@ -91,3 +120,14 @@ def evaluate(
     if lost:
         print(f"scpf: {lost} runs diverged", file=sys.stderr)
     return 0
+
+
+def pair(text: str, option: str) -> tuple[float, float]:
+    """The two numbers of ``A:B``; UsageError, naming the option, for anything else."""
+    from scpf.models.errors import UsageError
+
+    first, _, second = text.partition(":")
+    try:
+        return float(first), float(second)
+    except ValueError:
+        raise UsageError(f"{option} {text!r} is not two numbers", f"for example {option} 1:2") from None

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
+import numpy as np
+
 from scpf.models.errors import UsageError
+from scpf.replay.evaluation_conditions import Conditions, thinned
 from scpf.replay.evaluation_metrics import Metrics, measure
 from scpf.replay.evaluation_presets import PRESETS, Estimator
-from scpf.replay.protocol import CASES, FRAMES
+from scpf.replay.protocol import CASES, FRAMES, Scenario, make_scenario
 
 SIGMAS_M: Final = (1.0, 3.0, 5.0, 10.0, 15.0, 20.0)
 FEWEST_FRAMES: Final = 50
@@ -27,6 +30,7 @@ class Plan:
     frames: int = FRAMES
     known_matching: bool = False
     seed: int = 0
+    conditions: Conditions = field(default_factory=Conditions)
 
     def check(self) -> None:
         """UsageError where the plan cannot be carried out."""
@@ -40,6 +44,7 @@ class Plan:
             raise UsageError("--sigma, --runs and --drives are positive, --seed is not negative")
         if not FEWEST_FRAMES <= self.frames <= FRAMES:
             raise UsageError(f"--frames lies between {FEWEST_FRAMES} and {FRAMES}")
+        self.conditions.check()
 
 
 @dataclass(frozen=True)
@@ -83,16 +88,28 @@ def evaluate(plan: Plan, jobs: int = 1, backend: str = "loky") -> list[Result]:
 def evaluate_one(plan: Plan, settings: Estimator, case: str, sigma_m: float, drive: int) -> Result:
     """All runs of one cell of the plan."""
     from scpf.replay.evaluation_runs import run_estimator
-    from scpf.replay.protocol import make_scenario
 
-    scenario = make_scenario(CASES[case], plan.seed + drive, plan.frames)
+    scenario = scenario_of(plan, case, drive)
     seeds = range(plan.seed + 1000 * drive, plan.seed + 1000 * drive + plan.runs)
-    estimates = run_estimator(settings, scenario, sigma_m, seeds, plan.known_matching)
+    fixed = plan.conditions.fixed(scenario.times_s)
+    estimates = run_estimator(settings, scenario, sigma_m, seeds, plan.known_matching, fixed)
     truth = scenario.drive
+    # Without GPS there is no raw fix that a lost run could be as good as.
+    allowed_m = sigma_m if plan.conditions.gps_after_start else 0.0
     metrics = measure(
-        estimates.positions_m, estimates.covariances_m2, truth.positions_m, truth.headings_rad, sigma_m
+        estimates.positions_m, estimates.covariances_m2, truth.positions_m, truth.headings_rad, allowed_m
     )
     return Result(settings.name, case, sigma_m, drive, metrics)
+
+
+def scenario_of(plan: Plan, case: str, drive: int) -> Scenario:
+    """A drive of a case, under the plan's conditions; the same whatever the estimator and its GPS."""
+    conditions, seed = plan.conditions, plan.seed + drive
+    scenario = make_scenario(conditions.applied_to(CASES[case]), seed, plan.frames)
+    if conditions.drop_out > 0.0:
+        kept = thinned(scenario.detections, conditions.drop_out, np.random.default_rng([seed, 13]))
+        scenario = replace(scenario, detections=kept)
+    return scenario
 
 
 def pooled(results: Sequence[Result]) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from scpf.replay.evaluation import Plan, Result, pooled
+from scpf.replay.evaluation_conditions import Conditions
 from scpf.replay.evaluation_presets import PRESETS
 
 COLUMNS: Final = (
@@ -45,7 +46,26 @@ def as_table(plan: Plan, results: Sequence[Result]) -> str:
         lines.append("  ".join(cells).rstrip())
     matching = "known" if plan.known_matching else "unknown"
     lines.append(f"{plan.drives} drives of {plan.frames} frames, {plan.runs} runs each, matching {matching}")
+    said = described(plan.conditions)
+    if said:
+        lines.append(said)
     return "\n".join(lines)
+
+
+def described(conditions: Conditions) -> str:
+    """What differs from the cases, in words; empty where nothing does."""
+    said = [f"no GPS from {start:g} to {end:g} s" for start, end in conditions.gps_outages_s]
+    if not conditions.gps_after_start:
+        said.append("no GPS after the first frame")
+    if conditions.drop_out > 0.0:
+        said.append(f"{100 * conditions.drop_out:g} % of the detections lost")
+    if conditions.map_error_m is not None:
+        said.append("map {:g}–{:g} m off".format(*conditions.map_error_m))
+    if conditions.range_error_m is not None:
+        said.append("range errors {:g} m close and {:g} m far".format(*conditions.range_error_m))
+    if conditions.correlated is not None:
+        said.append(f"range errors {'that last for a second' if conditions.correlated else 'white'}")
+    return "; ".join(said)
 
 
 def as_json(plan: Plan, results: Sequence[Result]) -> str:

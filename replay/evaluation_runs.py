@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,12 @@ from scpf.replay.evaluation_kalman import KalmanRuns
 from scpf.replay.evaluation_particles import ParticleRuns
 from scpf.replay.evaluation_presets import Estimator
 from scpf.replay.protocol import Scenario, gps_fixes
-from scpf.replay.protocol_drive import FRAME_INTERVAL_S
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NO_FIX_VARIANCE_M2: Final = 1e12
+"""So wide a variance that a fix says nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +31,14 @@ class Estimates:
 
 
 def run_estimator(
-    settings: Estimator, scenario: Scenario, sigma_m: float, seeds: Sequence[int], known_matching: bool
+    settings: Estimator,
+    scenario: Scenario,
+    sigma_m: float,
+    seeds: Sequence[int],
+    known_matching: bool,
+    fixed: Mask | None = None,
 ) -> Estimates:
-    """Run the estimator once a seed on fixes of deviation ``sigma_m``.
+    """Run the estimator once a seed on fixes of deviation ``sigma_m``, in the frames ``fixed`` (K,) or all.
 
     A run's fixes and first state depend on its seed alone: estimators are compared on the same ones.
     """
@@ -45,7 +54,9 @@ def run_estimator(
     runs = make(settings, scenario, sigma_m, first, seeds, known_matching)
     positions = np.empty((len(seeds), len(drive.positions_m), 2))
     covariances = np.empty((len(seeds), len(drive.positions_m), 3))
+    intervals_s = np.diff(scenario.times_s, prepend=scenario.times_s[0])
     for k, detections in enumerate(scenario.detections):
-        mean, covariance = runs.step(0.0 if k == 0 else FRAME_INTERVAL_S, fixes[:, k], detections)
+        runs.fix_variance_m2 = sigma_m**2 if fixed is None or fixed[k] else NO_FIX_VARIANCE_M2
+        mean, covariance = runs.step(float(intervals_s[k]), fixes[:, k], detections)
         positions[:, k], covariances[:, k] = mean[:, :2], covariance
     return Estimates(positions, covariances)

@@ -68,13 +68,17 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A case of the protocol, made: the ring, the map that filters see, the truth, the detections of each frame."""
+    """A case of the protocol, made: the ring, the map that filters see, the truth, the detections of each frame.
+
+    ``times_s`` (K,) of the frames, since the first one.
+    """
 
     case: Case
     ring: Ring
     road_map: RoadMap
     drive: Drive
     detections: tuple[tuple[Detection, ...], ...]
+    times_s: Array
 
 
 def make_scenario(case: Case, seed: int, frames: int = FRAMES) -> Scenario:
@@ -87,7 +91,8 @@ def make_scenario(case: Case, seed: int, frames: int = FRAMES) -> Scenario:
     mapped = poles + off[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     landmarks = tuple(Landmark(f"P{k}", (float(x), float(y), 0.0)) for k, (x, y) in enumerate(mapped))
     road_map = RoadMap(landmarks, np.vstack([ring.line_m, ring.line_m[:1]]))
-    return Scenario(case, ring, road_map, drive, _detections(case, drive, poles, rng))
+    times_s: Array = np.arange(len(drive.positions_m)) * FRAME_INTERVAL_S
+    return Scenario(case, ring, road_map, drive, _detections(case, drive, poles, rng), times_s)
 
 
 def gps_fixes(drive: Drive, sigma_m: float, rng: np.random.Generator) -> Array:
