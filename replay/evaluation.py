@@ -96,9 +96,9 @@ def evaluate_one(plan: Plan, settings: Estimator, case: str, sigma_m: float, dri
     truth = scenario.drive
     # Without GPS there is no raw fix that a lost run could be as good as.
     allowed_m = sigma_m if plan.conditions.gps_after_start else 0.0
-    metrics = measure(
-        estimates.positions_m, estimates.covariances_m2, truth.positions_m, truth.headings_rad, allowed_m
-    )
+    poles = np.array([len(frame) for frame in scenario.detections])
+    figures = (estimates.positions_m, estimates.covariances_m2, truth.positions_m, truth.headings_rad)
+    metrics = measure(*figures, allowed_m, poles)
     return Result(settings.name, case, sigma_m, drive, metrics)
 
 
@@ -121,8 +121,10 @@ def pooled(results: Sequence[Result]) -> list[dict[str, Any]]:
     for (preset, case, sigma_m), members in groups.items():
         row: dict[str, Any] = {"preset": preset, "case": case, "sigma_m": sigma_m}
         for name in asdict(members[0]):
-            values = [getattr(one, name) for one in members]
-            if name in ("runs", "diverged_runs"):
+            values = [value for one in members if (value := getattr(one, name)) is not None]
+            if not values:
+                row[name] = None
+            elif name in ("runs", "diverged_runs"):
                 row[name] = sum(values)
             elif name in ("max_m", "frames"):
                 row[name] = max(values)

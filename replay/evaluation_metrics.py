@@ -26,7 +26,9 @@ class Metrics:
     absolute errors along and across the true heading. ``diverged_runs``: those where the mean error over some 30 s
     exceeds 5 m and that of a raw fix. ``nees``: mean normalised estimation error squared of the position (2 where
     the covariance is right); for R consistent runs, 95 % of a single frame's means lie in ``nees_low`` …
-    ``nees_high``. ``inside_95``: share of frames with the truth inside the 95 % ellipse.
+    ``nees_high``. ``inside_95``: share of frames with the truth inside the 95 % ellipse. ``poles_0_m`` …
+    ``poles_3_m``: mean errors in the frames that detected none, one, two, and three poles or more; None where
+    there is no such frame.
     """
 
     runs: int
@@ -41,10 +43,15 @@ class Metrics:
     longitudinal_m: float
     lateral_m: float
     diverged_runs: int
+    diverged_share: float
     nees: float
     nees_low: float
     nees_high: float
     inside_95: float
+    poles_0_m: float | None
+    poles_1_m: float | None
+    poles_2_m: float | None
+    poles_3_m: float | None
 
 
 def position_errors(positions_m: Array, truth_m: Array) -> Array:
@@ -76,9 +83,17 @@ def diverged(errors_m: Array, sigma_m: float) -> NDArray[np.bool_]:
 
 
 def measure(
-    positions_m: Array, covariances_m2: Array, truth_m: Array, headings_rad: Array, sigma_m: float
+    positions_m: Array,
+    covariances_m2: Array,
+    truth_m: Array,
+    headings_rad: Array,
+    sigma_m: float,
+    poles: NDArray[np.int64],
 ) -> Metrics:
-    """The figures of estimates (R, K, 2) and (R, K, 3) against truth (K, 2) and heading (K,)."""
+    """The figures of estimates (R, K, 2) and (R, K, 3) against truth (K, 2) and heading (K,).
+
+    ``poles`` (K,): how many were detected in each frame.
+    """
     from scipy.stats import chi2
 
     errors = position_errors(positions_m, truth_m)
@@ -89,6 +104,8 @@ def measure(
     settled = min(SETTLING_FRAMES, frames // 2)
     squared = normalised_squared_errors(positions_m, covariances_m2, truth_m)[:, settled:]
     low, high = chi2.ppf([0.025, 0.975], 2 * runs) / runs
+    lost = diverged(errors, sigma_m)
+    by_poles = [_mean(errors[:, np.minimum(poles, 3) == count]) for count in range(4)]
     by_run = np.percentile(errors.mean(axis=1), [2.5, 97.5])
     return Metrics(
         runs=runs,
@@ -102,9 +119,18 @@ def measure(
         run_high_m=float(by_run[1]),
         longitudinal_m=float(np.abs(along).mean()),
         lateral_m=float(np.abs(across).mean()),
-        diverged_runs=int(diverged(errors, sigma_m).sum()),
+        diverged_runs=int(lost.sum()),
+        diverged_share=float(lost.mean()),
         nees=float(squared.mean()),
         nees_low=float(low),
         nees_high=float(high),
         inside_95=float((squared < chi2.ppf(0.95, 2)).mean()),
+        poles_0_m=by_poles[0],
+        poles_1_m=by_poles[1],
+        poles_2_m=by_poles[2],
+        poles_3_m=by_poles[3],
     )
+
+
+def _mean(values: Array) -> float | None:
+    return float(values.mean()) if values.size else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -26,15 +26,20 @@ COLUMNS: Final = (
     ("max_m", "max", ".1f"),
     ("longitudinal_m", "along", ".2f"),
     ("lateral_m", "across", ".2f"),
-    ("diverged_runs", "diverged", "d"),
+    ("poles_0_m", "0 poles", ".2f"),
+    ("poles_1_m", "1", ".2f"),
+    ("poles_2_m", "2", ".2f"),
+    ("poles_3_m", "3+", ".2f"),
+    ("diverged_share", "diverged", ".0%"),
     ("nees", "NEES", ".1f"),
+    ("nees_bounds", "bounds", "s"),
     ("inside_95", "in 95 %", ".2f"),
 )
 
 
 def as_table(plan: Plan, results: Sequence[Result]) -> str:
     """A row a preset, case and GPS deviation, drives pooled."""
-    rows = [[format(row[key], spec) for key, _, spec in COLUMNS] for row in pooled(results)]
+    rows = [[_cell(row, key, spec) for key, _, spec in COLUMNS] for row in pooled(results)]
     heads = [head for _, head, _ in COLUMNS]
     widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
     lines = []
@@ -50,6 +55,12 @@ def as_table(plan: Plan, results: Sequence[Result]) -> str:
     if said:
         lines.append(said)
     return "\n".join(lines)
+
+
+def _cell(row: Mapping[str, Any], key: str, spec: str) -> str:
+    if key == "nees_bounds":
+        return f"{row['nees_low']:.1f}–{row['nees_high']:.1f}"
+    return "–" if row[key] is None else format(row[key], spec)
 
 
 def described(conditions: Conditions) -> str:

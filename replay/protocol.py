@@ -91,7 +91,7 @@ def make_scenario(case: Case, seed: int, frames: int = FRAMES) -> Scenario:
     mapped = poles + off[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     landmarks = tuple(Landmark(f"P{k}", (float(x), float(y), 0.0)) for k, (x, y) in enumerate(mapped))
     road_map = RoadMap(landmarks, np.vstack([ring.line_m, ring.line_m[:1]]))
-    times_s: Array = np.arange(len(drive.positions_m)) * FRAME_INTERVAL_S
+    times_s: Array = FRAME_INTERVAL_S * np.arange(len(drive.positions_m), dtype=np.float64)
     return Scenario(case, ring, road_map, drive, _detections(case, drive, poles, rng), times_s)
 
 

@@ -86,18 +86,34 @@ def test_metrics_of_errors_that_are_known() -> None:
     truth = np.cumsum(rng.normal(0, 1, (2000, 2)), axis=0)
     heading = rng.uniform(-3, 3, 2000)
     left = np.column_stack([-np.sin(heading), np.cos(heading)])
+    poles = rng.integers(0, 5, 2000)
     beside = np.repeat((truth + 0.5 * left)[None], 3, axis=0)
     unit = np.tile([1.0, 0.0, 1.0], (3, 2000, 1))
-    figures = measure(beside, unit, truth, heading, 3.0)
+    figures = measure(beside, unit, truth, heading, 3.0, poles)
     assert figures.mean_m == pytest.approx(0.5)
     assert figures.lateral_m == pytest.approx(0.5)
     assert figures.longitudinal_m == pytest.approx(0.0, abs=1e-9)
     noisy = truth + rng.normal(0, 1, (3, 2000, 2))
-    figures = measure(noisy, unit, truth, heading, 3.0)
+    figures = measure(noisy, unit, truth, heading, 3.0, poles)
     assert figures.nees == pytest.approx(2.0, abs=0.1)
     assert figures.inside_95 == pytest.approx(0.95, abs=0.01)
     assert figures.rmse_m == pytest.approx(np.sqrt(2.0), rel=0.03)
     assert figures.nees_low < 2.0 < figures.nees_high
+    # A sum of 3 chi-squares of 2 degrees is one of 6, whose 95 % lie in 1.237 … 14.449 in any table.
+    assert (figures.nees_low, figures.nees_high) == pytest.approx((1.2373 / 3, 14.4494 / 3), rel=1e-4)
+    assert figures.diverged_share == 0.0
+
+
+def test_errors_are_told_apart_by_poles_in_sight() -> None:
+    truth, heading = np.zeros((600, 2)), np.zeros(600)
+    poles = np.repeat([0, 1, 3, 5], 150)
+    off = np.repeat([4.0, 2.0, 1.0, 0.5], 150)
+    positions = np.repeat(np.column_stack([off, np.zeros(600)])[None], 2, axis=0)
+    figures = measure(positions, np.ones((2, 600, 3)) * [1, 0, 1], truth, heading, 3.0, poles)
+    assert (figures.poles_0_m, figures.poles_1_m, figures.poles_2_m) == (4.0, 2.0, None)
+    assert figures.poles_3_m == pytest.approx(0.75)
+    far = positions + np.array([[[100.0, 0.0]], [[0.0, 0.0]]])
+    assert measure(far, np.ones((2, 600, 3)) * [1, 0, 1], truth, heading, 3.0, poles).diverged_share == 0.5
 
 
 def test_a_run_diverges_where_it_is_lost_for_half_a_minute() -> None:
