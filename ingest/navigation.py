@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scpf.ingest.read_report import ReadReport
 from scpf.models.errors import DamagedError, MissingError
-from scpf.models.geodesy import Origin, enu_from_geodetic, rotation_from_ned
+from scpf.models.geodesy import Origin, ecef_from_enu, enu_from_geodetic, rotation_from_ned
 from scpf.models.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -121,16 +121,6 @@ class Navigation:
     def _rows(self, rows: slice | NDArray[np.bool_]) -> Navigation:
         arrays = [f.name for f in fields(self) if f.name not in ("report", "native")]
         return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
-
-
-def ecef_from_enu(latitude_deg: Array, longitude_deg: Array) -> Array:
-    """Rotations (N, 3, 3) of local East-North-Up into earth-centred, earth-fixed axes."""
-    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
-    zero = np.zeros_like(lat)
-    east = [-np.sin(lon), np.cos(lon), zero]
-    north = [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)]
-    up = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]
-    return np.stack([np.stack(axis, axis=-1) for axis in (east, north, up)], axis=-1)
 
 
 def make_navigation(

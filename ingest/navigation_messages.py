@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.ingest.messages import make, to_header, to_pose
-from scpf.ingest.navigation import CHUNK, NativeTable, Navigation, ecef_from_enu
+from scpf.ingest.navigation import CHUNK, NativeTable, Navigation
 from scpf.ingest.topics import (
     INS_FIX_TOPIC,
     INS_IMU_TOPIC,
@@ -23,7 +23,7 @@ from scpf.ingest.topics import (
     INS_ODOMETRY_TOPIC,
     INS_POSE_TOPIC,
 )
-from scpf.models.geodesy import R_FLU_FRD, Origin
+from scpf.models.geodesy import R_FLU_FRD, Origin, ecef_from_enu
 
 Array = NDArray[np.float64]
 

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.ingest.images import parse_time
-from scpf.ingest.navigation import ecef_from_enu
 from scpf.models.errors import InputError
-from scpf.models.geodesy import Origin, enu_from_geodetic
+from scpf.models.geodesy import Origin, ecef_from_enu, enu_from_geodetic
 from scpf.models.trajectory import Trajectory
 
 Array = NDArray[np.float64]

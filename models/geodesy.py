@@ -52,6 +52,16 @@ def geodetic_from_enu(positions_m: Array, origin: Origin) -> tuple[Array, Array,
     return np.asarray(latitude), np.asarray(longitude), np.asarray(height)
 
 
+def ecef_from_enu(latitude_deg: Array, longitude_deg: Array) -> Array:
+    """Rotations (N, 3, 3) of local East-North-Up into earth-centred, earth-fixed axes."""
+    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
+    zero = np.zeros_like(lat)
+    east = [-np.sin(lon), np.cos(lon), zero]
+    north = [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)]
+    up = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]
+    return np.stack([np.stack(axis, axis=-1) for axis in (east, north, up)], axis=-1)
+
+
 def yaw_from_heading(heading_rad: Array) -> Array:
     """Yaw, counter-clockwise from East, of a heading clockwise from true North (rad), in (−π, π]."""
     return wrap_angle(np.pi / 2 - np.asarray(heading_rad))

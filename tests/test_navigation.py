@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scpf.ingest.navigation import Navigation, ecef_from_enu, make_navigation, rms_at
+from scpf.ingest.navigation import Navigation, make_navigation, rms_at
 from scpf.ingest.read_report import ReadReport
 from scpf.models.errors import DamagedError, MissingError
-from scpf.models.geodesy import Origin, geodetic_from_enu
+from scpf.models.geodesy import Origin, ecef_from_enu, geodetic_from_enu
 from scpf.models.trajectory import yaw_of
 
 ORIGIN = Origin(43.4723, -80.5449, 300.0)
