@@ -3,48 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Final
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
-from scpf.models.errors import UsageError
-from scpf.replay.evaluation_conditions import Conditions, thinned
 from scpf.replay.evaluation_metrics import Metrics, measure
+from scpf.replay.evaluation_plan import Plan
 from scpf.replay.evaluation_presets import PRESETS, Estimator
-from scpf.replay.protocol import CASES, FRAMES, Scenario, make_scenario
-
-SIGMAS_M: Final = (1.0, 3.0, 5.0, 10.0, 15.0, 20.0)
-FEWEST_FRAMES: Final = 50
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What to evaluate. ``runs`` Monte Carlo runs are made on each of ``drives`` drives."""
-
-    presets: tuple[str, ...] = ("paper", "pf", "ekf", "default")
-    cases: tuple[str, ...] = ("P", "S0", "S1", "S2")
-    sigmas_m: tuple[float, ...] = (3.0, 10.0)
-    runs: int = 50
-    drives: int = 2
-    frames: int = FRAMES
-    known_matching: bool = False
-    seed: int = 0
-    conditions: Conditions = field(default_factory=Conditions)
-
-    def check(self) -> None:
-        """UsageError where the plan cannot be carried out."""
-        for chosen, known, what in ((self.presets, PRESETS, "preset"), (self.cases, CASES, "case")):
-            for name in chosen:
-                if name not in known:
-                    raise UsageError(f"no {what} {name!r} to evaluate", f"{what}s: {', '.join(known)}")
-        if not self.presets or not self.cases or not self.sigmas_m:
-            raise UsageError("nothing to evaluate", "name at least one preset, case and GPS deviation")
-        if min(self.sigmas_m) <= 0.0 or self.runs < 1 or self.drives < 1 or self.seed < 0:
-            raise UsageError("--sigma, --runs and --drives are positive, --seed is not negative")
-        if not FEWEST_FRAMES <= self.frames <= FRAMES:
-            raise UsageError(f"--frames lies between {FEWEST_FRAMES} and {FRAMES}")
-        self.conditions.check()
+from scpf.replay.evaluation_scenarios import Scenarios, make_scenarios
+from scpf.replay.protocol import Scenario
 
 
 @dataclass(frozen=True)
@@ -63,20 +31,25 @@ class Result:
         return {**row, **asdict(self.metrics)}
 
 
-def evaluate(plan: Plan, jobs: int = 1, backend: str = "loky") -> list[Result]:
+def evaluate(
+    plan: Plan, jobs: int = 1, backend: str = "loky", scenarios: Scenarios | None = None
+) -> list[Result]:
     """Carry out the plan on ``jobs`` workers of a joblib ``backend``; results in the plan's order.
 
-    Every number follows from the plan: neither jobs nor backend change one.
+    ``scenarios``: the plan's drives, where they have been made already. Every number follows from the plan: neither
+    jobs nor backend change one.
     """
     from joblib import Parallel, delayed, parallel_config
 
     plan.check()
+    drives = make_scenarios(plan) if scenarios is None else scenarios
+    names = list(dict.fromkeys(name for name, _ in drives))
     tasks = [
-        (PRESETS[preset], case, sigma_m, drive)
+        (PRESETS[preset], name, sigma_m, drive, drives[name, drive])
         for preset in plan.presets
-        for case in plan.cases
+        for name in names
         for sigma_m in plan.sigmas_m
-        for drive in range(plan.drives)
+        for drive in sorted(number for other, number in drives if other == name)
     ]
     if jobs == 1:
         return [evaluate_one(plan, *task) for task in tasks]
@@ -85,11 +58,12 @@ def evaluate(plan: Plan, jobs: int = 1, backend: str = "loky") -> list[Result]:
     return results
 
 
-def evaluate_one(plan: Plan, settings: Estimator, case: str, sigma_m: float, drive: int) -> Result:
+def evaluate_one(
+    plan: Plan, settings: Estimator, case: str, sigma_m: float, drive: int, scenario: Scenario
+) -> Result:
     """All runs of one cell of the plan."""
     from scpf.replay.evaluation_runs import run_estimator
 
-    scenario = scenario_of(plan, case, drive)
     seeds = range(plan.seed + 1000 * drive, plan.seed + 1000 * drive + plan.runs)
     fixed = plan.conditions.fixed(scenario.times_s)
     estimates = run_estimator(settings, scenario, sigma_m, seeds, plan.known_matching, fixed)
@@ -100,16 +74,6 @@ def evaluate_one(plan: Plan, settings: Estimator, case: str, sigma_m: float, dri
     figures = (estimates.positions_m, estimates.covariances_m2, truth.positions_m, truth.headings_rad)
     metrics = measure(*figures, allowed_m, poles)
     return Result(settings.name, case, sigma_m, drive, metrics)
-
-
-def scenario_of(plan: Plan, case: str, drive: int) -> Scenario:
-    """A drive of a case, under the plan's conditions; the same whatever the estimator and its GPS."""
-    conditions, seed = plan.conditions, plan.seed + drive
-    scenario = make_scenario(conditions.applied_to(CASES[case]), seed, plan.frames)
-    if conditions.drop_out > 0.0:
-        kept = thinned(scenario.detections, conditions.drop_out, np.random.default_rng([seed, 13]))
-        scenario = replace(scenario, detections=kept)
-    return scenario
 
 
 def pooled(results: Sequence[Result]) -> list[dict[str, Any]]:

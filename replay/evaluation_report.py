@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
-from scpf.replay.evaluation import Plan, Result, pooled
+from scpf.replay.evaluation import Result, pooled
 from scpf.replay.evaluation_conditions import Conditions
+from scpf.replay.evaluation_plan import Plan
 from scpf.replay.evaluation_presets import PRESETS
 
 COLUMNS: Final = (
@@ -50,7 +51,10 @@ def as_table(plan: Plan, results: Sequence[Result]) -> str:
         ]
         lines.append("  ".join(cells).rstrip())
     matching = "known" if plan.known_matching else "unknown"
-    lines.append(f"{plan.drives} drives of {plan.frames} frames, {plan.runs} runs each, matching {matching}")
+    drives = f"{plan.drives} drives of {plan.frames} frames"
+    if plan.recordings:
+        drives = f"{len(plan.recordings)} recorded drives"
+    lines.append(f"{drives}, {plan.runs} runs each, matching {matching}")
     said = described(plan.conditions)
     if said:
         lines.append(said)

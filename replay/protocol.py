@@ -58,7 +58,7 @@ CASES: Final = {
 
 @dataclass(frozen=True)
 class Detection:
-    """What one frame measured of one pole; ``landmark`` is the pole's true index in the map."""
+    """What one frame measured of one pole; ``landmark`` is the pole's true index in the map, −1 where unknown."""
 
     landmark: int
     distance_m: float
@@ -70,7 +70,8 @@ class Detection:
 class Scenario:
     """A case of the protocol, made: the ring, the map that filters see, the truth, the detections of each frame.
 
-    ``times_s`` (K,) of the frames, since the first one.
+    ``times_s`` (K,) of the frames, since the first one. Of a recording also: the first frame's stamp, the place in
+    ``map`` that positions are relative to, and how many frames were left out, since they have no reference.
     """
 
     case: Case
@@ -79,6 +80,9 @@ class Scenario:
     drive: Drive
     detections: tuple[tuple[Detection, ...], ...]
     times_s: Array
+    start_ns: int = 0
+    middle_m: tuple[float, float] = (0.0, 0.0)
+    left_out: int = 0
 
 
 def make_scenario(case: Case, seed: int, frames: int = FRAMES) -> Scenario:

@@ -16,8 +16,9 @@ from scpf.models.errors import UsageError
 from scpf.models.instances import Instance
 from scpf.models.observation import Distance, Observation
 from scpf.replay.cli import run
-from scpf.replay.evaluation import Plan, evaluate, pooled
+from scpf.replay.evaluation import evaluate, pooled
 from scpf.replay.evaluation_metrics import diverged, measure
+from scpf.replay.evaluation_plan import Plan
 from scpf.replay.protocol import CASES, make_scenario
 from scpf.replay.protocol_drive import make_ring
 

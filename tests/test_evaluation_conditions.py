@@ -10,10 +10,12 @@ import pytest
 
 from scpf.models.errors import UsageError
 from scpf.replay.cli import run
-from scpf.replay.evaluation import Plan, evaluate, scenario_of
+from scpf.replay.evaluation import evaluate
 from scpf.replay.evaluation_conditions import Conditions
+from scpf.replay.evaluation_plan import Plan
 from scpf.replay.evaluation_presets import PRESETS
 from scpf.replay.evaluation_runs import run_estimator
+from scpf.replay.evaluation_scenarios import simulated
 from scpf.replay.protocol import Scenario
 
 PLAN = Plan(("pf", "ekf"), ("S0",), (3.0,), runs=3, drives=1, frames=260)
@@ -47,7 +49,7 @@ def test_outages_are_half_open_and_the_first_frame_keeps_its_fix() -> None:
 
 def test_the_filters_hear_nothing_in_an_outage() -> None:
     """Without landmarks the error and the spread grow in the outage, and fall when GPS is back."""
-    scenario = scenario_of(under(Conditions(drop_out=1.0)), "S0", 0)
+    scenario = simulated(under(Conditions(drop_out=1.0)), "S0", 0)
     fixed = Conditions(((5.0, 15.0),)).fixed(scenario.times_s)
     for name in ("pf", "ekf"):
         estimates = run_estimator(PRESETS[name], scenario, 3.0, range(8), True, fixed)
@@ -68,26 +70,26 @@ def test_no_gps_is_survived_with_landmarks_and_lost_without() -> None:
 
 
 def test_detections_are_lost_at_the_stated_rate_and_no_other_number_changes() -> None:
-    whole = scenario_of(PLAN, "S0", 0)
-    thin = scenario_of(under(Conditions(drop_out=0.4)), "S0", 0)
+    whole = simulated(PLAN, "S0", 0)
+    thin = simulated(under(Conditions(drop_out=0.4)), "S0", 0)
     assert all(set(few) <= set(all_) for few, all_ in zip(thin.detections, whole.detections, strict=True))
     count = sum(map(len, whole.detections))
     assert sum(map(len, thin.detections)) / count == pytest.approx(0.6, abs=0.06)
-    none = scenario_of(under(Conditions(drop_out=1.0)), "S0", 0)
+    none = simulated(under(Conditions(drop_out=1.0)), "S0", 0)
     assert sum(map(len, none.detections)) == 0
 
 
 def test_map_and_range_errors_are_those_that_were_asked_for() -> None:
     plan = under(Conditions(map_error_m=(0.5, 0.6)), frames=2000)
-    exact, off = scenario_of(replace(plan, conditions=Conditions()), "S0", 0), scenario_of(plan, "S0", 0)
+    exact, off = simulated(replace(plan, conditions=Conditions()), "S0", 0), simulated(plan, "S0", 0)
     moved = np.hypot(*(off.road_map.positions_m - exact.road_map.positions_m).T)
     assert moved.min() >= 0.5 and moved.max() <= 0.6
     white = Conditions(range_error_m=(0.2, 0.2))
-    errors = range_errors(scenario_of(replace(plan, conditions=white), "S0", 0))
+    errors = range_errors(simulated(replace(plan, conditions=white), "S0", 0))
     assert np.abs(errors).mean() == pytest.approx(0.2, rel=0.1)
     lasting = replace(white, correlated=True)
     for conditions, least, most in ((white, -0.15, 0.15), (lasting, 0.6, 1.0)):
-        frames = scenario_of(replace(plan, conditions=conditions), "S0", 0)
+        frames = simulated(replace(plan, conditions=conditions), "S0", 0)
         by_pole: dict[int, list[tuple[int, float]]] = {}
         marks = frames.road_map.positions_m
         for k, frame in enumerate(frames.detections):
