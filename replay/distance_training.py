@@ -101,7 +101,7 @@ def gather(
                 raise MissingError(f"{path}: no {lacking} in the log", "training needs all three")
             camera = camera or its_camera
             _check_same(camera, its_camera, path)
-            for stamp_ns, instances in _segmented(log, segmenter, threshold, every):
+            for stamp_ns, instances in segmented(log, segmenter, threshold, every):
                 frames += 1
                 pose = trajectory.at(stamp_ns)
                 if instances is None:
@@ -145,10 +145,13 @@ def gather(
     )
 
 
-def _segmented(
+def segmented(
     log: DriveLog, segmenter: str, threshold: float, every: int
 ) -> Iterator[tuple[int, Sequence[Instance] | None]]:
-    """Stamp and instances of each chosen frame; None for an image that cannot be decoded."""
+    """Stamp and instances of every ``every``-th frame; None for an image that cannot be decoded.
+
+    ``segmenter``, ``threshold``: as ``gather`` takes them.
+    """
     if segmenter == RECORDED:
         found = log.instances()
         for stamp_ns in sorted(found)[::every]:

@@ -18,10 +18,9 @@ from threadpoolctl import threadpool_limits
 from scpf.ingest.assemble import sha256
 from scpf.ingest.drive_log import DriveLog
 from scpf.ingest.topics import IMAGE_TOPIC
-from scpf.models.camera import Camera
-from scpf.models.distance_file import Distances
-from scpf.models.errors import InputError, MissingError
+from scpf.models.errors import InputError
 from scpf.models.road_map import to_geojson
+from scpf.replay import distance_models
 from scpf.replay.ahead import Ahead
 from scpf.replay.frames import Window, first_state, read_frames
 from scpf.replay.pace import FULL_SPEED, Pace, PaceSettings
@@ -78,7 +77,7 @@ def replay(
     with threadpool_limits(1, "blas"), DriveLog(log_path) as log, ExitStack() as files:
         warnings: list[str] = []
         camera, road_map, trajectory = log.camera(), log.road_map(), log.trajectory()
-        model = None if camera is None else _distance_model(settings.distance_model, camera)
+        model = None if camera is None else distance_models.load(settings.distance_model, camera)
         warnings += [
             f"the log has no {what}: {consequence}"
             for missing, what, consequence in (
@@ -167,19 +166,6 @@ def replay(
     partial.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     partial.replace(outputs.summary)
     return summary
-
-
-def _distance_model(name: str, camera: Camera) -> Distances:
-    """The distance model by name (``default``: the one that ships) or file; it has to fit the camera's images."""
-    from scpf.models import distance_file
-
-    shipped = Path(distance_file.__file__).with_name("distance.npz")
-    path = shipped if name == "default" else Path(name)
-    if path == shipped and not shipped.exists():
-        raise MissingError("this installation ships no distance model", "give one with --distance-model")
-    model = distance_file.load(path)
-    model.check_camera(camera)
-    return model
 
 
 def about(log_name: str, configuration: dict[str, Any]) -> str:
