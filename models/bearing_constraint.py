@@ -42,6 +42,35 @@ class BearingConstraint:
         return half_normal_log_survival(self.violation(states), self.deviation_rad)
 
 
+@dataclass(frozen=True, eq=False)
+class RoadBearingConstraint:
+    """The same for states without a heading: ``heading_rad`` is given, the road's direction at the vehicle.
+
+    ``deviation_rad`` has to cover how far the vehicle turns away from the road.
+    """
+
+    landmark_id: str
+    position_m: Array
+    bearing_rad: float
+    heading_rad: float
+    deviation_rad: float
+
+    @property
+    def name(self) -> str:
+        """``landmark bearing ID``."""
+        return f"landmark bearing {self.landmark_id}"
+
+    def violation(self, states: Array) -> Array:
+        """Angle (rad) between the expected and the observed bearing, 0 … π."""
+        east, north = (self.position_m - states[:, :2]).T
+        off: Array = np.abs(wrap_angle(np.arctan2(north, east) - self.heading_rad - self.bearing_rad))
+        return off
+
+    def log_probability(self, states: Array) -> Array:
+        """log Pr(γ ≥ C), γ half-normal with ``deviation_rad``."""
+        return half_normal_log_survival(self.violation(states), self.deviation_rad)
+
+
 @dataclass(frozen=True)
 class HeadingConstraint:
     """Point along the road: C = |ψ − road's direction| (rad, wrapped); Rayleigh slack.

@@ -33,22 +33,24 @@ class ExtendedKalmanFilter:
         self.means = self.means @ transition.T
         self.covariances = transition @ self.covariances @ transition.T + noise
 
-    def update_fix(self, fixes_m: Array, variance_m2: float) -> None:
-        """Take in a position fix (R, 2) a run."""
+    def update_fix(self, fixes_m: Array, variance_m2: float) -> Array:
+        """Take in a position fix (R, 2) a run; returns its log-evidence (R,), as all updates do."""
+        log_evidence = np.zeros(len(self.means))
         for axis in (0, 1):
             slope = np.zeros_like(self.means)
             slope[:, axis] = 1.0
-            self._update(slope, fixes_m[:, axis] - self.means[:, axis], variance_m2, None)
+            log_evidence += self._update(slope, fixes_m[:, axis] - self.means[:, axis], variance_m2, None)
+        return log_evidence
 
     def update_range(
         self, landmarks_m: Array, distance_m: float, variance_m2: float, used: Mask | None = None
-    ) -> None:
+    ) -> Array:
         """Take in a distance to a landmark (R, 2), in the runs ``used`` (R,)."""
         offset = self.means[:, :2] - landmarks_m
         expected = np.maximum(np.hypot(*offset.T), 1e-6)
         slope = np.zeros_like(self.means)
         slope[:, :2] = offset / expected[:, None]
-        self._update(slope, distance_m - expected, variance_m2, used)
+        return self._update(slope, distance_m - expected, variance_m2, used)
 
     def update_bearing(
         self,
@@ -57,21 +59,25 @@ class ExtendedKalmanFilter:
         headings_rad: Array,
         variance_rad2: float,
         used: Mask | None = None,
-    ) -> None:
+    ) -> Array:
         """Take in a landmark's bearing; the heading (R,) is given (the road's), since the state has none."""
         offset = self.means[:, :2] - landmarks_m
         squared = np.maximum((offset**2).sum(1), 1e-6)
         slope = np.zeros_like(self.means)
         slope[:, 0], slope[:, 1] = -offset[:, 1] / squared, offset[:, 0] / squared
         expected = np.arctan2(-offset[:, 1], -offset[:, 0]) - headings_rad
-        self._update(slope, wrap_angle(bearing_rad - expected), variance_rad2, used)
+        return self._update(slope, wrap_angle(bearing_rad - expected), variance_rad2, used)
 
-    def _update(self, slope: Array, innovation: Array, variance: float, used: Mask | None) -> None:
-        """The scalar update with measurement rows ``slope`` (R, 4)."""
+    def _update(self, slope: Array, innovation: Array, variance: float, used: Mask | None) -> Array:
+        """The scalar update with rows ``slope`` (R, 4); the innovation's log-density (R,), 0 where unused."""
         moved = np.einsum("rij,rj->ri", self.covariances, slope)
-        gain = moved / ((moved * slope).sum(1) + variance)[:, None]
+        expected_square = (moved * slope).sum(1) + variance
+        gain = moved / expected_square[:, None]
+        log_evidence: Array = -0.5 * (innovation**2 / expected_square + np.log(2 * np.pi * expected_square))
         if used is not None:
             gain = np.where(used[:, None], gain, 0.0)
+            log_evidence = np.where(used, log_evidence, 0.0)
         self.means = self.means + gain * innovation[:, None]
         # gain·movedᵀ is symmetric by construction: the covariance stays so without a repair.
         self.covariances = self.covariances - gain[:, :, None] * moved[:, None, :]
+        return log_evidence

@@ -6,31 +6,25 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.association import Match
-from scpf.models.bearing_constraint import HeadingConstraint
 from scpf.models.camera import Camera
-from scpf.models.constraints import (
-    Constraint,
-    LandmarkConstraint,
-    RoadConstraint,
-    SpeedConstraint,
-    log_probability,
-    total_violation,
-)
+from scpf.models.constraints import Constraint, log_probability, total_violation
 from scpf.models.instances import Instance
 from scpf.models.labelling import Label, label
-from scpf.models.matched_landmarks import MatchedLandmarks, Sighting
 from scpf.models.motion import ConstantTurnRate, ConstantVelocity, MotionModel, turn_rate_state
 from scpf.models.observation import Distance, Observation
 from scpf.models.particle_filter import Belief, ParticleFilter, PositionFix
 from scpf.models.road_map import RoadMap
 from scpf.models.trajectory import yaw_of
-from scpf.replay.settings import HeadingSettings, Settings
+from scpf.replay.kalman_tracker import KalmanTracker
+from scpf.replay.settings import Settings
+from scpf.replay.soft_constraints import soft_constraints
 from scpf.replay.step import Errors, Frame, Step, Surface
 
 Array = NDArray[np.float64]
@@ -52,6 +46,22 @@ class DistanceSource(Protocol):
 
     def for_frame(self, stamp_ns: int) -> DistancePredictor:
         """The predictor to use at that time."""
+        ...
+
+
+class Tracker(Protocol):
+    """Anything that follows the vehicle: `ParticleFilter`, or what takes its place."""
+
+    def initialise(self, mean: Array) -> Belief:
+        """Begin around the state ``mean``."""
+        ...
+
+    def predict(self, dt_s: float) -> Array:
+        """Move on by ``dt_s``; the predicted mean."""
+        ...
+
+    def update(self, constraints: Sequence[Constraint], fix: PositionFix | None = None) -> Belief:
+        """Take in what was observed."""
         ...
 
 
@@ -81,11 +91,16 @@ class Pipeline:
             motion = ConstantTurnRate(settings.q_m2ps3, settings.heading.q_turn_rad2ps3)
             variance = (*settings.filter.initial_variance, *settings.heading.initial_variance)
             filter_settings = replace(settings.filter, initial_variance=variance)
-        self._filter = ParticleFilter(motion, filter_settings, streams[0])
+        self._filter: Tracker
+        if settings.kalman is None:
+            self._filter = ParticleFilter(motion, filter_settings, streams[0])
+        else:
+            self._filter = KalmanTracker(ConstantVelocity(settings.q_m2ps3), filter_settings, streams[0])
         self._baseline = ParticleFilter(
             ConstantVelocity(settings.baseline_q_m2ps3), settings.filter, streams[1]
         )
         self._belief: Belief | None = None
+        self._constraints = partial(soft_constraints, settings, self._map)
 
     def start(self, mean: Array) -> None:
         """Draw both filters' first particles around the state ``mean`` [x, y, vx, vy]."""
@@ -106,7 +121,7 @@ class Pipeline:
             predicted = self._filter.predict(frame.dt_s)
             self._baseline.predict(frame.dt_s)
             matches = self._match(observations, predicted)
-            constraints = self._constraints(observations, matches, predicted)
+            constraints = self._constraints(observations, matches, predicted, self._yaw(predicted))
             fix = None if frame.gps_m is None else PositionFix(frame.gps_m, frame.gps_variance_m2)
             belief = self._filter.update(constraints, fix)
             baseline = self._baseline.update([], fix)
@@ -150,62 +165,17 @@ class Pipeline:
         """The landmark of each observation, sought around the predicted state."""
         if self._belief is None:
             raise RuntimeError("start() comes first")
-        yaw = float(predicted[4]) if len(predicted) > 4 else self._yaw(predicted)
+        yaw = self._yaw(predicted)
         return self.settings.matching.match(
             observations, self._map, predicted[:2], self._belief.covariance[:2, :2], yaw
         )
 
     def _yaw(self, state: Array) -> float:
-        """The heading (rad) of a state without one: the road's direction near it, else that of its velocity."""
+        """A state's own heading (rad); where it has none, the road's near it, else that of its velocity."""
+        if len(state) > 4:
+            return float(state[4])
         yaw = self._map.direction_near(state[:2], state[2:4])
         return float(np.arctan2(state[3], state[2])) if yaw is None else yaw
-
-    def _constraints(
-        self, observations: Sequence[Observation], matches: Sequence[Match], predicted: Array
-    ) -> list[Constraint]:
-        """The soft constraints of this step: road, speed, and one a matched landmark."""
-        wanted = self.settings.constraints
-        constraints: list[Constraint] = []
-        segment = self._map.segment_near(predicted[:2]) if wanted.road else None
-        if segment is not None:
-            constraints.append(RoadConstraint(segment, self._map.half_width_m, wanted.road_slack_mean_m))
-        if wanted.speed:
-            constraints.append(SpeedConstraint(wanted.speed_limit_mps, wanted.speed_slack_mean_mps))
-        if self.settings.heading is not None:
-            return [*constraints, *self._with_heading(self.settings.heading, observations, predicted)]
-        for observation, match in zip(observations, matches, strict=True):
-            mark = self._map.landmark(match.landmark_id) if wanted.landmarks else None
-            if mark is not None:
-                distance = observation.distance
-                variance_m2 = distance.variance_m2 + mark.variance_m2
-                position_m = np.array(mark.position_m[:2])
-                constraints.append(LandmarkConstraint(mark.id, position_m, distance.mean_m, variance_m2))
-        return constraints
-
-    def _with_heading(
-        self, settings: HeadingSettings, observations: Sequence[Observation], predicted: Array
-    ) -> list[Constraint]:
-        """Beyond the paper: the road's direction, and every particle's own match of range and bearing."""
-        constraints: list[Constraint] = []
-        direction = self._map.direction_near(predicted[:2], predicted[2:4])
-        if direction is not None:
-            constraints.append(HeadingConstraint(direction, settings.road_deviation_rad))
-        own_m2 = max((mark.variance_m2 for mark in self._map.landmarks), default=0.0)
-        sightings = [
-            Sighting(
-                seen.distance.mean_m,
-                float(np.sqrt(seen.distance.variance_m2 + own_m2)),
-                seen.bearing_rad,
-                float(np.hypot(settings.bearing_deviation_rad, np.sqrt(own_m2) / seen.distance.mean_m)),
-            )
-            for seen in observations
-            if seen.distance.in_range and seen.distance.mean_m > 0.0
-        ]
-        near = np.hypot(*(self._map.positions_m - predicted[:2]).T) < self.settings.matching.max_distance_m
-        if sightings and near.any() and self.settings.constraints.landmarks:
-            positions = self._map.positions_m[near]
-            constraints.append(MatchedLandmarks(positions, sightings, settings.floor, settings.tempering))
-        return constraints
 
     def _surface(self, constraints: Sequence[Constraint], belief: Belief) -> Surface:
         """The constraints' values on a grid about the estimate, at the estimated velocity."""

@@ -16,7 +16,7 @@ def replay(
     *,
     output: Annotated[Path, Parameter(alias="-o")] = Path(),
     name: str = "",
-    preset: Literal["paper", "default", "pf"] | None = None,
+    preset: Literal["paper", "default", "pf", "ekf"] | None = None,
     config: Path | None = None,
     show_config: Annotated[bool, Parameter(negative="")] = False,
     segmenter: str | None = None,
@@ -59,8 +59,8 @@ def replay(
     name
         What the files are called; the log's own name by default, and always where there are several.
     preset
-        The filter's configuration: the paper's, this project's best (`default`), or the plain particle filter. By
-        default the paper's.
+        The filter's configuration: the paper's, this project's best (`default`), the plain particle filter, or an
+        extended Kalman filter of range and bearing. By default the paper's.
     config
         Settings as TOML (--show-config prints them all), or the NAME.json of an earlier replay, to run it again. What
         is typed beside it counts more.
@@ -215,7 +215,11 @@ def _factor(text: str) -> float:
 def table(summary: dict[str, Any], outputs: Any) -> str:
     """The short table for the terminal, the written files on its last lines."""
     rows = []
-    for label, key in (("scPF position error", "position"), ("plain PF position error", "baseline_position")):
+    preset = summary["settings"]["preset"]
+    for label, key in (
+        (f"position error ({preset})", "position"),
+        ("plain PF beside it", "baseline_position"),
+    ):
         errors = summary["errors"].get(key)
         if errors:
             rows.append(

@@ -57,6 +57,16 @@ class HeadingSettings:
 
 
 @dataclass(frozen=True)
+class KalmanSettings:
+    """The baseline that a practitioner would try: range and bearing of matched landmarks, and no soft constraint.
+
+    ``bearing_deviation_rad`` covers the bearing's error and how far the vehicle turns away from the road.
+    """
+
+    bearing_deviation_rad: float = float(np.radians(3.0))
+
+
+@dataclass(frozen=True)
 class SurfaceSettings:
     """The grid on which the constraint surface is recorded, centred on the estimate."""
 
@@ -69,7 +79,7 @@ class Settings:
     """What a replay runs with.
 
     ``q_m2ps3`` is the motion noise of the scPF, ``baseline_q_m2ps3`` that of the PF beside it. ``heading`` None is the
-    paper's filter.
+    paper's filter. ``kalman``: an extended Kalman filter in place of the particles.
     """
 
     preset: str = "paper"
@@ -84,6 +94,7 @@ class Settings:
     constraints: ConstraintSettings = field(default_factory=ConstraintSettings)
     matching: NearestNeighbour = field(default_factory=NearestNeighbour)
     heading: HeadingSettings | None = None
+    kalman: KalmanSettings | None = None
     gps: GpsSettings = field(default_factory=GpsSettings)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
 
@@ -100,9 +111,15 @@ PRESETS: Final[dict[str, Settings]] = {
         q_m2ps3=4.0,
         constraints=ConstraintSettings(landmarks=False, road=False, speed=False),
     ),
+    "ekf": Settings(
+        preset="ekf",
+        q_m2ps3=1.0,
+        constraints=ConstraintSettings(road=False, speed=False),
+        kalman=KalmanSettings(),
+    ),
 }
 """``paper``: the paper's scPF. ``default``: the best of this project, see docs/EVALUATION.md. ``pf``: the paper's
-filter without any constraint, with its motion noise for it."""
+filter without any constraint, with its motion noise for it. ``ekf``: an extended Kalman filter of range and bearing."""
 
 
 def preset(name: str) -> Settings:

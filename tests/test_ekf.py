@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import multivariate_normal
 
 from scpf.models.ekf import ExtendedKalmanFilter
 from scpf.models.motion import ConstantVelocity
@@ -25,10 +26,12 @@ def test_fixes_alone_are_the_linear_kalman_filter() -> None:
     for _ in range(30):
         fix = rng.normal(0, 5, 2)
         mean, covariance = transition @ mean, transition @ covariance @ transition.T + process
+        spread = observe @ covariance @ observe.T + 3.0 * np.eye(2)
+        density = multivariate_normal(observe @ mean, spread).logpdf(fix)
         gain = covariance @ observe.T @ np.linalg.inv(observe @ covariance @ observe.T + 3.0 * np.eye(2))
         mean, covariance = mean + gain @ (fix - observe @ mean), (np.eye(4) - gain @ observe) @ covariance
         filter_.predict(dt_s)
-        filter_.update_fix(fix[None], 3.0)
+        np.testing.assert_allclose(filter_.update_fix(fix[None], 3.0), [density], rtol=1e-9)
     np.testing.assert_allclose(filter_.means[0], mean, rtol=1e-9)
     np.testing.assert_allclose(filter_.covariances[0], covariance, rtol=1e-9, atol=1e-12)
 

@@ -114,6 +114,18 @@ def test_the_default_preset_has_a_heading_and_stands_errors_that_last() -> None:
     np.testing.assert_array_equal(again[-1].belief.states, best[7].belief.states)
 
 
+def test_the_kalman_filter_takes_the_particles_place() -> None:
+    steps = drive(PRESETS["ekf"])
+    assert mean_error(steps) < 0.5
+    assert {s.belief.state for s in steps} == {"tracking"}
+    belief = steps[-1].belief
+    np.testing.assert_allclose(belief.states.mean(0), belief.mean, atol=0.1)
+    drawn = np.cov(belief.states[:, :2].T)
+    np.testing.assert_allclose(np.sqrt(np.diag(drawn)), np.sqrt(np.diag(belief.covariance)[:2]), rtol=0.2)
+    assert mean_error(drive(PRESETS["ekf"], gps=False)) < 0.5
+    assert {s.belief.state for s in drive(PRESETS["ekf"], count=5, road=None)} == {"unconstrained"}
+
+
 def test_without_a_map_it_is_the_plain_filter() -> None:
     bare = drive(replace(Settings(), q_m2ps3=4.0, constraints=ConstraintSettings(speed=False)), road=None)
     assert all(not m.landmark_id for s in bare for m in s.matches)
