@@ -1,8 +1,8 @@
 """Training sets on disk: labelme's JSON beside each picture, COCO's one JSON, or id images for `scpf train segmenter`.
 
-labelme: polygons through the centres of the boundary's pixels, which its own ``shape_to_mask`` fills to the same mask;
-the parts of a pole that something divides share a ``group_id``. COCO: uncompressed run lengths, which hold the mask
-exactly (https://cocodataset.org/#format-data, "Object Detection").
+labelme: polygons along the edges of the mask's pixels; the parts of a pole that something divides share a ``group_id``.
+COCO: uncompressed run lengths (https://cocodataset.org/#format-data, "Object Detection"). Both hold the mask exactly,
+where polygons are filled by their pixels' centres (`scpf.models.polygons`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from typing import Any, Final, Literal
 import cv2
 import numpy as np
 
-from scpf.models.instances import Instance, encode_runs
+from scpf.ingest.labelme_out import Labelled, labelme_json
+from scpf.models.instances import encode_runs
 from scpf.sample_logs.finished_frames import FinishedFrame, SeenPole, full_masks, write_whole
 
 LabelFormat = Literal["labelme", "coco", "ids"]
@@ -48,41 +49,12 @@ def write_labels(
 
 
 def _write_labelme(folder: Path, name: str, frame: FinishedFrame) -> None:
-    shapes = []
-    for number, pole in enumerate(frame.poles, 1):
-        note = f"{pole.distance_m:.2f} m, {100 * pole.visible_fraction:.0f} % visible"
-        for points in _outlines(pole.instance):
-            shape = {
-                "label": CLASS,
-                "points": points,
-                "group_id": number,
-                "description": note,
-                "shape_type": "polygon",
-                "flags": {},
-            }
-            shapes.append(shape)
-    document: dict[str, Any] = {
-        "version": "5.5.0",
-        "flags": {},
-        "shapes": shapes,
-        "imagePath": f"{name}.jpg",
-        "imageData": None,
-        "imageHeight": frame.height_px,
-        "imageWidth": frame.width_px,
-    }
-    write_whole(folder / f"{name}.json", _json(document))
-
-
-def _outlines(instance: Instance) -> list[list[list[float]]]:
-    """The outer outline of each part of the mask, as points (x, y) in pixels of the picture."""
-    parts, _ = cv2.findContours(instance.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    found = []
-    for part in parts:
-        points = (part[:, 0, :] + np.array(instance.offset_px)).astype(float).tolist()
-        # labelme wants three points of a polygon: a part of one pixel, or one pixel wide, repeats its last.
-        points += [points[-1]] * (3 - len(points))
-        found.append(points)
-    return found
+    labelled = [
+        Labelled(pole.instance, f"{pole.distance_m:.2f} m, {100 * pole.visible_fraction:.0f} % visible")
+        for pole in frame.poles
+    ]
+    content = labelme_json(f"{name}.jpg", (frame.width_px, frame.height_px), labelled)
+    write_whole(folder / f"{name}.json", content)
 
 
 def _write_ids(folder: Path, name: str, frame: FinishedFrame) -> None:

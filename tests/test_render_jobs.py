@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 
+from scpf.ingest.labelled_folders import labelled_images
 from scpf.models.errors import InputError, ScpfError
 from scpf.models.instances import decode_runs
 from scpf.sample_logs.finished_frames import (
@@ -23,7 +23,7 @@ from scpf.sample_logs.finished_frames import (
     save_frame,
     seen_poles,
 )
-from scpf.sample_logs.labels_out import write_labels
+from scpf.sample_logs.labels_out import LabelFormat, write_labels
 from scpf.sample_logs.render_jobs import Make, open_folder, render_all
 
 SIZE_PX = (96, 64)
@@ -119,24 +119,20 @@ def frames() -> list[tuple[str, FinishedFrame]]:
     return [(f"{index:06d}", Painter().make(index)) for index in range(2)]
 
 
-def test_labelme_polygons_fill_to_the_masks(tmp_path: Path) -> None:
-    assert write_labels(tmp_path, iter(frames()), "labelme", {"seed": 0}) == 4
-    for index, (name, frame) in enumerate(frames()):
-        document = json.loads((tmp_path / f"{name}.json").read_text())
-        assert (tmp_path / document["imagePath"]).read_bytes() == frame.jpeg
-        assert (document["imageWidth"], document["imageHeight"]) == SIZE_PX
-        drawn = np.zeros(SIZE_PX[::-1], dtype=int)
-        for shape in document["shapes"]:
-            assert (shape["label"], shape["shape_type"]) == ("light_pole", "polygon")
-            assert len(shape["points"]) >= 3
-            picture = Image.new("L", SIZE_PX)
-            # As labelme's own shape_to_mask does it.
-            points = [tuple(point) for point in shape["points"]]
-            ImageDraw.Draw(picture).polygon(points, outline=1, fill=1)
-            drawn[np.array(picture) > 0] = shape["group_id"]
-        ids = ids_of(index)
-        np.testing.assert_array_equal(drawn == 1, ids == 2)
-        np.testing.assert_array_equal(drawn == 2, ids == 1)
+@pytest.mark.parametrize("labels", ["labelme", "coco", "ids"])
+def test_labels_are_read_back_to_the_masks(labels: LabelFormat, tmp_path: Path) -> None:
+    assert write_labels(tmp_path, iter(frames()), labels, {"seed": 0}) == 4
+    for index, source in enumerate(labelled_images(tmp_path)):
+        picture = source.read()
+        assert picture.image.shape == (*SIZE_PX[::-1], 3)
+        far, near = sorted(picture.objects, key=lambda labelled: labelled.instance.box_px[0])
+        for labelled, number in ((near, 2), (far, 1)):
+            (x, y), mask = labelled.instance.offset_px, labelled.instance.mask
+            drawn = np.zeros(SIZE_PX[::-1], dtype=bool)
+            drawn[y : y + mask.shape[0], x : x + mask.shape[1]] = mask
+            np.testing.assert_array_equal(drawn, ids_of(index) == number)
+        if labels != "ids":
+            assert (near.distance_m, near.visible_fraction) == (4.0, 0.75)
 
 
 def test_coco_run_lengths_are_the_masks(tmp_path: Path) -> None:
