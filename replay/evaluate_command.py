@@ -25,7 +25,8 @@ def evaluate(
     map: Path | None = None,
     seed: int = 0,
     jobs: int = 1,
-    backend: Literal["loky", "multiprocessing", "threading"] = "loky",
+    backend: Literal["loky", "multiprocessing", "threading", "dask", "ray"] = "loky",
+    scheduler: str | None = None,
     json: Path | None = None,
     csv: Path | None = None,
     overwrite: bool = False,
@@ -89,7 +90,9 @@ def evaluate(
     jobs
         Workers; −1 for all cores.
     backend
-        joblib's backend that runs them.
+        joblib's backend that runs them: processes of this machine, or a cluster's (`pip install 'scpf[dask]'`).
+    scheduler
+        Address of the dask scheduler or ray head to use; otherwise one is started on this machine.
     json
         Also write plan, settings and figures to this file.
     csv
@@ -133,7 +136,7 @@ def evaluate(
         None if map is None else str(map),
     )
     scenarios = make_scenarios(plan)
-    results = carry_out(plan, jobs, backend, scenarios)
+    results = carry_out(plan, jobs, backend, scenarios, scheduler)
     for path, text in ((json, as_json(plan, results) + "\n"), (csv, as_csv(results))):
         if path is not None:
             partial = path.with_name(path.name + ".partial")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from scpf.replay.evaluation_backends import LOCAL, workers
 from scpf.replay.evaluation_metrics import Metrics, measure
 from scpf.replay.evaluation_plan import Plan
 from scpf.replay.evaluation_presets import PRESETS, Estimator
@@ -32,14 +33,18 @@ class Result:
 
 
 def evaluate(
-    plan: Plan, jobs: int = 1, backend: str = "loky", scenarios: Scenarios | None = None
+    plan: Plan,
+    jobs: int = 1,
+    backend: str = "loky",
+    scenarios: Scenarios | None = None,
+    scheduler: str | None = None,
 ) -> list[Result]:
-    """Carry out the plan on ``jobs`` workers of a joblib ``backend``; results in the plan's order.
+    """Carry out the plan on ``jobs`` workers of a ``backend``; results in the plan's order.
 
-    ``scenarios``: the plan's drives, where they have been made already. Every number follows from the plan: neither
-    jobs nor backend change one.
+    ``scenarios``: the plan's drives, where they have been made already. ``scheduler``: see ``workers``, whose errors
+    are raised. Every number follows from the plan: neither jobs nor backend change one.
     """
-    from joblib import Parallel, delayed, parallel_config
+    from joblib import Parallel, delayed
 
     plan.check()
     drives = make_scenarios(plan) if scenarios is None else scenarios
@@ -51,9 +56,9 @@ def evaluate(
         for sigma_m in plan.sigmas_m
         for drive in sorted(number for other, number in drives if other == name)
     ]
-    if jobs == 1:
+    if jobs == 1 and backend in LOCAL and scheduler is None:
         return [evaluate_one(plan, *task) for task in tasks]
-    with parallel_config(backend=backend, n_jobs=jobs):
+    with workers(backend, jobs, scheduler):
         results: list[Result] = Parallel()(delayed(evaluate_one)(plan, *task) for task in tasks)
     return results
 
