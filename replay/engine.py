@@ -132,8 +132,10 @@ def replay(
         total = log.channels[IMAGE_TOPIC].count if IMAGE_TOPIC in log.channels else 0
         done, begun, first_ns = 0, 0.0, 0
         for frame in files.enter_context(closing(ahead.frames(clock.frames(frames)))):
-            if not done:
-                pipeline.start(first_state(log, frame, trajectory))
+            if not pipeline.started:
+                first = first_state(frame, trajectory)
+                if first is not None:
+                    pipeline.start(first)
             step = pipeline.step(frame)
             step = replace(step, timing_s={**step.timing_s, "segmentation": ahead.seconds})
             if frame.problems:
@@ -159,6 +161,9 @@ def replay(
             "real_time_factor": (frame.stamp_ns - first_ns) * 1e-9 / elapsed_s,
             **clock.report(),
         }
+    unlocated = summary["states"].get("initialising", 0)
+    if unlocated:
+        problems["frame before a reference pose or GPS fix says where the drive begins"] = unlocated
     if clock.dropped:
         problems["frame dropped, as it came too late"] = clock.dropped
     summary["warnings"] = warnings + [f"{count} × {kind}" for kind, count in problems.items()]
@@ -186,7 +191,8 @@ Preset `{settings["preset"]}`, segmenter `{settings["segmenter"]}`, seed {settin
   cell. The other tabs hold the joint log-probability and the whole map.
 - **Errors**: distance from the reference: total, along and across the road; the plain particle filter for comparison.
 - **Filter**: effective sample size and log-evidence. The state lane reads *tracking* (a landmark constrains),
-  *unconstrained* (none in sight) or *lost* (no particle is near what was observed).
+  *unconstrained* (none in sight), *lost* (no particle is near what was observed) or *initialising* (neither a reference
+  pose nor a GPS fix has said yet where the drive begins).
 
 ## Configuration
 ```json

@@ -174,8 +174,8 @@ def _nearest_fix(
     return positions[nearest], float(variances[nearest])
 
 
-def first_state(log: DriveLog, frame: Frame, trajectory: Trajectory | None) -> Array:
-    """[x, y, vx, vy] to start from: the reference's at the first frame, else the GPS fix, at rest.
+def first_state(frame: Frame, trajectory: Trajectory | None) -> Array | None:
+    """[x, y, vx, vy] to start from: the reference's at the frame, else the GPS fix, at rest; None without either.
 
     Only the start uses the reference, and the filter spreads its particles around it by P0.
     """
@@ -189,7 +189,4 @@ def first_state(log: DriveLog, frame: Frame, trajectory: Trajectory | None) -> A
         return np.concatenate([frame.T_map_body[:2, 3], velocity])
     if frame.gps_m is not None:
         return np.concatenate([frame.gps_m, np.zeros(2)])
-    raise MissingError(
-        f"{log.path}: nothing says where the drive begins",
-        "the first frame needs a reference pose or a GPS fix; try another --start",
-    )
+    return None

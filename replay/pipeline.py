@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scpf.models.association import Match
 from scpf.models.camera import Camera
-from scpf.models.constraints import Constraint, log_probability, total_violation
+from scpf.models.constraints import Constraint
 from scpf.models.instances import Instance
 from scpf.models.labelling import Label, label
 from scpf.models.motion import ConstantTurnRate, ConstantVelocity, MotionModel, turn_rate_state
@@ -25,7 +25,8 @@ from scpf.models.trajectory import yaw_of
 from scpf.replay.kalman_tracker import KalmanTracker
 from scpf.replay.settings import Settings
 from scpf.replay.soft_constraints import soft_constraints
-from scpf.replay.step import Errors, Frame, Step, Surface
+from scpf.replay.step import Errors, Frame, Step
+from scpf.replay.surface import constraint_surface
 
 Array = NDArray[np.float64]
 Segment = Callable[[Frame], Sequence[Instance]]
@@ -100,15 +101,22 @@ class Pipeline:
             ConstantVelocity(settings.baseline_q_m2ps3), settings.filter, streams[1]
         )
         self._belief: Belief | None = None
+        self._just_started = False
         self._constraints = partial(soft_constraints, settings, self._map)
 
     def start(self, mean: Array) -> None:
-        """Draw both filters' first particles around the state ``mean`` [x, y, vx, vy]."""
+        """Draw both filters' first particles around the state ``mean`` [x, y, vx, vy] at the next frame's time."""
         first = mean
         if self.settings.heading is not None:
             first = turn_rate_state(mean[:2], mean[2:4], self._yaw(mean))
         self._belief = self._filter.initialise(first)
         self._baseline.initialise(mean)
+        self._just_started = True
+
+    @property
+    def started(self) -> bool:
+        """Whether there is a belief. Before, a step segments and measures, and estimates nothing."""
+        return self._belief is not None
 
     def step(self, frame: Frame) -> Step:
         """Everything that one frame leads to."""
@@ -117,17 +125,20 @@ class Pipeline:
             instances = self._segment(frame)
         with _timed(timing, "distance"):
             observations, unmeasured = self._observe(instances, frame.stamp_ns)
+        if self._belief is None:
+            return self._unlocated(frame, observations, unmeasured, timing)
         with _timed(timing, "filter"):
-            predicted = self._filter.predict(frame.dt_s)
-            self._baseline.predict(frame.dt_s)
+            dt_s = 0.0 if self._just_started else frame.dt_s
+            predicted = self._filter.predict(dt_s)
+            self._baseline.predict(dt_s)
             matches = self._match(observations, predicted)
             constraints = self._constraints(observations, matches, predicted, self._yaw(predicted))
             fix = None if frame.gps_m is None else PositionFix(frame.gps_m, frame.gps_variance_m2)
             belief = self._filter.update(constraints, fix)
             baseline = self._baseline.update([], fix)
         with _timed(timing, "surface"):
-            surface = self._surface(constraints, belief)
-        self._belief = belief
+            surface = constraint_surface(constraints, belief.mean, self.settings.surface)
+        self._belief, self._just_started = belief, False
         truths = self._truths(observations, frame)
         return Step(
             frame=frame,
@@ -141,6 +152,30 @@ class Pipeline:
             surface=surface,
             errors=_errors(belief, frame),
             baseline_errors=_errors(baseline, frame),
+            timing_s=timing,
+        )
+
+    def _unlocated(
+        self,
+        frame: Frame,
+        observations: Sequence[Observation],
+        unmeasured: Sequence[Instance],
+        timing: dict[str, float],
+    ) -> Step:
+        """The step of a frame before anything has said where the vehicle is."""
+        unknown = Match("", "position not known yet")
+        return Step(
+            frame=frame,
+            observations=tuple(observations),
+            unmeasured=tuple(unmeasured),
+            matches=(unknown,) * len(observations),
+            true_distances_m=(None,) * len(observations),
+            true_landmark_ids=("",) * len(observations),
+            belief=None,
+            baseline=None,
+            surface=None,
+            errors=None,
+            baseline_errors=None,
             timing_s=timing,
         )
 
@@ -176,23 +211,6 @@ class Pipeline:
             return float(state[4])
         yaw = self._map.direction_near(state[:2], state[2:4])
         return float(np.arctan2(state[3], state[2])) if yaw is None else yaw
-
-    def _surface(self, constraints: Sequence[Constraint], belief: Belief) -> Surface:
-        """The constraints' values on a grid about the estimate, at the estimated velocity."""
-        grid = self.settings.surface
-        # Cells lie on multiples of their size, so that the surface does not shimmer from frame to frame.
-        corner_m = np.round(belief.mean[:2] / grid.cell_m - (grid.cells - 1) / 2) * grid.cell_m
-        steps = np.arange(grid.cells) * grid.cell_m
-        east, north = np.meshgrid(corner_m[0] + steps, corner_m[1] + steps)
-        states = np.tile(belief.mean, (grid.cells**2, 1))
-        states[:, 0], states[:, 1] = east.ravel(), north.ravel()
-        shape = (grid.cells, grid.cells)
-        return Surface(
-            corner_m,
-            grid.cell_m,
-            total_violation(constraints, states).reshape(shape),
-            log_probability(constraints, states).reshape(shape),
-        )
 
     def _truths(self, observations: Sequence[Observation], frame: Frame) -> list[Label]:
         """The landmark that each observation really shows, from the reference pose and the map."""

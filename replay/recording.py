@@ -107,29 +107,36 @@ class Recording:
             log_image(self._rec, step.frame)
         log_instances(self._rec, step, self._classes, self._camera.height_px if self._camera else None)
         self._log_reference(step.frame, step.belief)
-        self._log_belief("world/estimate", step.belief)
-        self._log_belief("world/baseline", step.baseline)
-        self._log_particles(step.belief)
+        if step.belief is not None:
+            self._log_belief("world/estimate", step.belief)
+            self._log_particles(step.belief)
+        if step.baseline is not None:
+            self._log_belief("world/baseline", step.baseline)
         self._log_distances(step)
-        self._log_surface(step.surface)
+        if step.surface is not None:
+            self._log_surface(step.surface)
         self._log_numbers(step)
         self._unflushed += 1
         if self._unflushed == FLUSH_EVERY:  # a killed process keeps what was flushed
             self._rec.flush()
             self._unflushed = 0
 
-    def _log_reference(self, frame: Frame, belief: Belief) -> None:
+    def _log_reference(self, frame: Frame, belief: Belief | None) -> None:
         pose = frame.T_map_body
-        here = belief.mean[:2] if pose is None else pose[:2, 3]
-        self._rec.log("world/ego", rr.Transform3D(translation=(*here, 0.0)))
-        ahead = _direction(belief) if pose is None else pose[:2, 0]
+        ahead: Array | None
+        if frame.gps_m is not None:
+            self._rec.log("world/gps", rr.Points3D.from_fields(positions=shapes.on_ground(frame.gps_m[None])))
         if pose is not None:
+            here, ahead = pose[:2, 3], pose[:2, 0]
             self._arrow("world/truth", here, ahead)
+        elif belief is not None:
+            here, ahead = belief.mean[:2], _direction(belief)
+        else:
+            return
+        self._rec.log("world/ego", rr.Transform3D(translation=(*here, 0.0)))
         if self._camera is not None and ahead is not None:
             wedge = shapes.view_wedge(self._camera, here, ahead)
             self._rec.log("world/view", rr.LineStrips3D.from_fields(strips=[wedge]))
-        if frame.gps_m is not None:
-            self._rec.log("world/gps", rr.Points3D.from_fields(positions=shapes.on_ground(frame.gps_m[None])))
 
     def _log_belief(self, entity: str, belief: Belief) -> None:
         self._arrow(entity, belief.mean[:2], _direction(belief))
@@ -214,10 +221,11 @@ class Recording:
         self._scalar("error/position/pf", baseline.position_m if baseline else None)
         self._scalar("error/heading_frame/longitudinal", errors.longitudinal_m if errors else None)
         self._scalar("error/heading_frame/lateral", errors.lateral_m if errors else None)
-        self._scalar("filter/ess", step.belief.ess)
-        self._scalar("filter/log_evidence", step.belief.log_evidence)
-        if step.belief.state != self._state:
-            self._state = step.belief.state
+        if step.belief is not None:
+            self._scalar("filter/ess", step.belief.ess)
+            self._scalar("filter/log_evidence", step.belief.log_evidence)
+        if step.state != self._state:
+            self._state = step.state
             self._rec.log("filter/state", rr.StateChange(state=self._state))
         for place, (stage, seconds) in enumerate(step.timing_s.items()):
             entity = f"timing/{rr.escape_entity_path_part(stage)}"

@@ -16,7 +16,7 @@ from scpf.models.association import Match
 from scpf.models.instances import Instance
 from scpf.models.observation import Distance, Observation
 from scpf.models.particle_filter import Belief
-from scpf.replay.step import Errors, Step
+from scpf.replay.step import Errors, Frame, Step
 
 Array = NDArray[np.float64]
 
@@ -120,14 +120,13 @@ def from_observation(message: Any) -> tuple[Observation, Match]:
     return observation, Match(message.landmark_id, message.reason)
 
 
-def to_belief(step: Step, *, particles: bool) -> Any:
-    """scpf_msgs/Belief of a step, with its particles where ``particles``."""
-    belief = step.belief
+def to_belief(frame: Frame, belief: Belief, *, particles: bool) -> Any:
+    """scpf_msgs/Belief at a frame, with its particles where ``particles``."""
     none = np.zeros(0, dtype=np.float32)
     return messages.make(
         "scpf_msgs/msg/Belief",
-        header=messages.to_header(step.frame.stamp_ns, "map"),
-        frame=step.frame.index,
+        header=messages.to_header(frame.stamp_ns, "map"),
+        frame=frame.index,
         state=belief.state,
         ess=belief.ess,
         log_evidence=belief.log_evidence,

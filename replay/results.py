@@ -71,10 +71,12 @@ class Results:
         stamp_ns = frame.stamp_ns
         write = self._log.write_message
         write(OBSERVATIONS_TOPIC, "scpf_msgs/msg/Observations", to.to_observations(step), stamp_ns)
-        write(ESTIMATE_TOPIC, to.POSE_WITH_COVARIANCE, to.to_estimate(stamp_ns, step.belief), stamp_ns)
-        write(BASELINE_TOPIC, to.POSE_WITH_COVARIANCE, to.to_estimate(stamp_ns, step.baseline), stamp_ns)
-        belief = to.to_belief(step, particles=self._particles)
-        write(BELIEF_TOPIC, "scpf_msgs/msg/Belief", belief, stamp_ns)
+        for topic, belief in ((ESTIMATE_TOPIC, step.belief), (BASELINE_TOPIC, step.baseline)):
+            if belief is not None:
+                write(topic, to.POSE_WITH_COVARIANCE, to.to_estimate(stamp_ns, belief), stamp_ns)
+        if step.belief is not None:
+            message = to.to_belief(frame, step.belief, particles=self._particles)
+            write(BELIEF_TOPIC, "scpf_msgs/msg/Belief", message, stamp_ns)
         write(TIMING_TOPIC, "scpf_msgs/msg/Timing", to.to_timing(step), stamp_ns)
         if frame.T_map_body is not None:
             reference = to.to_reference(stamp_ns, frame.T_map_body)

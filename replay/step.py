@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scpf.models.association import Match
 from scpf.models.instances import Image, Instance
 from scpf.models.observation import Observation
-from scpf.models.particle_filter import Belief
+from scpf.models.particle_filter import Belief, State
 
 Array = NDArray[np.float64]
 
@@ -68,20 +68,26 @@ class Step:
 
     ``observations``, ``matches``, ``true_distances_m`` and ``true_landmark_ids`` run in parallel; the last two come
     from the reference pose and the map (None and "" where they do not say). ``unmeasured`` are instances without a
-    distance. ``baseline`` is the unconstrained particle filter's belief. ``timing_s`` names each stage.
-    ``notes`` are (level, text) for the log lane; level as in logging.
+    distance. ``baseline`` is the unconstrained particle filter's belief. ``belief``, ``baseline`` and ``surface`` are
+    None as long as nothing has said where the vehicle is. ``timing_s`` names each stage. ``notes`` are (level, text) for
+    the log lane; level as in logging.
     """
 
     frame: Frame
     observations: tuple[Observation, ...]
     matches: tuple[Match, ...]
     true_distances_m: tuple[float | None, ...]
-    belief: Belief
-    baseline: Belief
-    surface: Surface
+    belief: Belief | None
+    baseline: Belief | None
+    surface: Surface | None
     errors: Errors | None
     baseline_errors: Errors | None
     timing_s: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[tuple[str, str], ...] = ()
     unmeasured: tuple[Instance, ...] = ()
     true_landmark_ids: tuple[str, ...] = ()
+
+    @property
+    def state(self) -> State:
+        """What the state lane reads: the belief's state, *initialising* before there is one."""
+        return "initialising" if self.belief is None else self.belief.state

@@ -58,9 +58,10 @@ class Tally:
         self.detected[len(step.observations) + len(step.unmeasured)] += 1
         self.used[sum(1 for match in step.matches if match.landmark_id)] += 1
         self.unmeasured += len(step.unmeasured)
-        self.states[step.belief.state] += 1
+        self.states[step.state] += 1
         self.notes.update(level.upper() for level, _ in step.notes)
-        self.ess.append(step.belief.ess)
+        if step.belief is not None:
+            self.ess.append(step.belief.ess)
         for stage, seconds in step.timing_s.items():
             self.timing_s.setdefault(stage, []).append(seconds)
 

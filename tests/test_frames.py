@@ -86,9 +86,7 @@ def test_the_first_state_is_the_reference_s_with_its_velocity(drive: Path) -> No
                 log, log.trajectory(), GpsSettings("none"), 0, Window(0.35), recorded=False, pixels=False
             )
         )
-        np.testing.assert_allclose(
-            first_state(log, frame, log.trajectory()), [3.85, 0.0, 10.0, 0.0], atol=1e-6
-        )
+        np.testing.assert_allclose(first_state(frame, log.trajectory()), [3.85, 0.0, 10.0, 0.0], atol=1e-6)
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
@@ -99,8 +97,7 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
         frames(path, GpsSettings("log"))
     with pytest.raises(MissingError, match="reference"):
         frames(path, GpsSettings("emulated"))
-    with DriveLog(path) as log, pytest.raises(MissingError, match="begins"):
-        first_state(log, frames(path, GpsSettings("auto"))[0], log.trajectory())
+    assert first_state(frames(path, GpsSettings("auto"))[0], None) is None
 
 
 @pytest.mark.parametrize("data", [b"", b"no picture", jpeg(3)[:40]])

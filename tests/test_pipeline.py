@@ -126,6 +126,24 @@ def test_the_kalman_filter_takes_the_particles_place() -> None:
     assert {s.belief.state for s in drive(PRESETS["ekf"], count=5, road=None)} == {"unconstrained"}
 
 
+def test_before_anything_says_where_it_is_it_only_looks() -> None:
+    pipeline = Pipeline(Settings(), lambda frame: frame.recorded, model := Exact(), CAMERA, ROAD)
+    pose = np.eye(4)
+    instances, model.distances = drawn(0.0, 0.0)
+    model.variance_m2 = 0.09
+    frame = Frame(0, 0, b"", "jpeg", None, 0.0, None, None, 9.0, tuple(instances))
+    step = pipeline.step(frame)
+    assert (step.belief, step.baseline, step.surface, step.errors) == (None,) * 4
+    assert step.state == "initialising"
+    assert len(step.observations) == len(step.matches) == len(instances) > 0
+    assert not any(match.landmark_id for match in step.matches)
+    pipeline.start(np.array([0.0, 0.0, 7.8, 0.0]))
+    located = pipeline.step(replace(frame, T_map_body=pose, dt_s=9.0))
+    # The start is where the vehicle is now: the interval since the frame before moves nothing.
+    assert located.belief is not None and located.errors is not None
+    assert located.errors.position_m < 3.0
+
+
 def test_without_a_map_it_is_the_plain_filter() -> None:
     bare = drive(replace(Settings(), q_m2ps3=4.0, constraints=ConstraintSettings(speed=False)), road=None)
     assert all(not m.landmark_id for s in bare for m in s.matches)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from scpf.ingest.drive_log import DriveLog, DriveLogWriter
 from scpf.replay.cli import run
 
 SAMPLE = Path(__file__).parent.parent / "sample_logs" / "ring_road.mcap"
@@ -55,3 +58,37 @@ def test_what_makes_no_sense_is_refused_before_anything_is_written(
     assert run(["replay", *options, "-o", str(out)]) == 2
     assert capsys.readouterr().err.startswith("scpf: ")
     assert not out.exists()
+
+
+def test_images_alone_are_replayed_as_far_as_they_go(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "images.mcap"
+    with DriveLog(SAMPLE) as sample, DriveLogWriter(log) as bare:
+        for image, _ in zip(sample.images(), range(5), strict=False):
+            bare.write_image(image.stamp_ns, image.data, image.format)
+    assert run(["replay", str(log), "-o", str(tmp_path), "--format", "json"]) == 3
+    captured = capsys.readouterr()
+    summary = json.loads(captured.out)
+    assert (summary["frames"], summary["states"], summary["errors"]) == (5, {"initialising": 5}, {})
+    assert summary["detections"]["unmeasured"] == summary["detections"]["total"] > 0
+    for missing in ("calibration", "map", "reference", "says where the drive begins"):
+        assert missing in captured.err
+    viewer = Path(sys.executable).with_name("rerun")
+    assert subprocess.run([viewer, "rrd", "verify", tmp_path / "images.rrd"], check=False).returncode == 0
+
+
+def test_a_drive_begins_with_its_first_fix(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "late.mcap"
+    with DriveLog(SAMPLE) as sample, DriveLogWriter(log) as late:
+        trajectory = sample.trajectory()
+        assert trajectory is not None
+        for k, (image, _) in enumerate(zip(sample.images(), range(8), strict=False)):
+            late.write_image(image.stamp_ns, image.data, image.format)
+            pose = trajectory.at(image.stamp_ns)
+            if k >= 3 and pose is not None:
+                late.write_gps(image.stamp_ns, pose[:2, 3], 1.0)
+    assert run(["replay", str(log), "-o", str(tmp_path), *QUICK[:2], "--format", "json"]) == 3
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["states"] == {"unconstrained": 5, "initialising": 3}
+    assert "3 × frame before" in captured.err
