@@ -69,8 +69,8 @@ class Step:
     ``observations``, ``matches``, ``true_distances_m`` and ``true_landmark_ids`` run in parallel; the last two come
     from the reference pose and the map (None and "" where they do not say). ``unmeasured`` are instances without a
     distance. ``baseline`` is the unconstrained particle filter's belief. ``belief``, ``baseline`` and ``surface`` are
-    None as long as nothing has said where the vehicle is. ``timing_s`` names each stage. ``notes`` are (level, text) for
-    the log lane; level as in logging.
+    None as long as nothing has said where the vehicle is. ``timing_s`` names each stage. ``notes`` are (level, text)
+    for the log lane; level as in logging.
     """
 
     frame: Frame
