@@ -2,7 +2,8 @@
 
 A map drawn by hand or from the air is a metre or two off, for ever, and no filter can tell that from its own error.
 A drive with reference poses can: ranges and directions over many frames, matched to the old map, give each
-landmark's place anew; matched once more to the new places, they give it for good.
+landmark's place anew, and what they miss it by says how good they are. Matched once more to the new places and
+weighed by that, they give it for good.
 """
 
 from __future__ import annotations

@@ -63,13 +63,13 @@ class Lasting:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """``bearing_deviation_rad``: of the directions, errors of the pose's own heading included.
+    """``bearing_deviation_rad``: of the directions, the pose's own heading included, at best.
 
     ``ranges``, ``bearings``: how their errors last. ``gate``: a sighting whose range and direction together miss by
     more (χ², 2 degrees of freedom) is rejected.
     """
 
-    bearing_deviation_rad: float = float(np.radians(0.5))
+    bearing_deviation_rad: float = float(np.radians(0.2))
     ranges: Lasting = field(default_factory=Lasting)
     bearings: Lasting = field(default_factory=Lasting)
     gate: float = 13.8

@@ -58,6 +58,7 @@ SUBCOMMANDS: Final = (
     (
         ("map", "Make road maps."),
         ("from", "map_commands:map_from", "OpenStreetMap, GeoJSON, KML, CSV or points become a road map."),
+        ("survey", "survey_command:map_survey", "Put landmarks where drives with reference poses saw them."),
     ),
 )
 

@@ -18,11 +18,12 @@ from survey_drives import (
 )
 
 from scpf.models.road_map import RoadMap
-from scpf.models.survey import FEW, VAGUE, survey
+from scpf.models.survey import FEW, VAGUE, SurveySettings, survey
 from scpf.models.survey_fit import FitSettings, Lasting, Sights, effective_number, locate
 from scpf.models.survey_matching import DOUBTFUL, NO_LANDMARK, Places, match
 
 WHITE = Lasting(share=0.0)
+TOLD = FitSettings(bearing_deviation_rad=BEARING_DEVIATION_RAD)
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -46,7 +47,7 @@ def test_exact_data_give_exact_positions() -> None:
 
 def test_the_covariance_is_the_spread_of_many_draws() -> None:
     pole = POLES[1:2]
-    settings = FitSettings(bearings=WHITE)
+    settings = replace(TOLD, bearings=WHITE)
     generator = rng(2)
     draws = [
         locate(drive(pole, Noise(), generator)[0], pole[0] + np.array([1.0, -1.0]), settings)
@@ -89,12 +90,14 @@ def test_how_much_of_the_errors_lasts_is_found_out(bearing_s: float, low: float,
 
 
 def test_deviations_that_are_stated_too_small_are_scaled() -> None:
+    settings = SurveySettings(fit=TOLD)
     sights, _ = drive(POLES, Noise(range_s=0.0, scale=2.0), rng(5))
-    found = survey(sights, wrong_map(POLES, rng(6)))
+    found = survey(sights, wrong_map(POLES, rng(6)), settings)
     assert found.range_scale == pytest.approx(2.0, rel=0.15)
     assert found.bearing_scale == pytest.approx(2.0, rel=0.15)
-    plain = survey(drive(POLES, Noise(range_s=0.0), rng(5))[0], wrong_map(POLES, rng(6)))
+    plain = survey(drive(POLES, Noise(range_s=0.0), rng(5))[0], wrong_map(POLES, rng(6)), settings)
     assert plain.range_scale == pytest.approx(1.0, abs=0.1)
+    assert plain.bearing_scale == pytest.approx(1.0, abs=0.1)
     assert found.landmarks[3].deviation_m > 1.5 * plain.landmarks[3].deviation_m
 
 
@@ -108,7 +111,7 @@ def test_outliers_are_rejected_and_change_nothing() -> None:
     )
     for k, pole in enumerate(POLES):
         mine = shown == k
-        found = locate(bad.rows(mine), pole + np.array([1.2, -0.9]), FitSettings())
+        found = locate(bad.rows(mine), pole + np.array([1.2, -0.9]), TOLD)
         assert np.array_equal(found.kept, ~wrong[mine])
         assert np.abs(found.position_m - pole).max() < 1e-6
     whole = survey(bad, wrong_map(POLES, rng(8)))
@@ -136,9 +139,9 @@ def test_rigid_motion_of_the_world_carries_over(turn_rad: float) -> None:
         assert (a.sightings, a.rejected) == (b.sightings, b.rejected)
         assert b.deviation_m == pytest.approx(a.deviation_m, rel=1e-4)
     mine, R = shown == 4, turned(np.eye(2), turn_rad).T
-    one = locate(sights.rows(mine), POLES[4], FitSettings())
+    one = locate(sights.rows(mine), POLES[4], TOLD)
     start = turned(POLES[4:5], turn_rad)[0] + shift
-    other = locate(moved(sights.rows(mine), turn_rad, shift), start, FitSettings())
+    other = locate(moved(sights.rows(mine), turn_rad, shift), start, TOLD)
     assert other.covariance_m2 == pytest.approx(R @ one.covariance_m2 @ R.T, rel=1e-3, abs=1e-6)
 
 
