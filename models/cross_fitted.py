@@ -54,6 +54,11 @@ class CrossFittedDistance:
         """What the model was trained on, for the record of a result."""
         return {**self.model.metadata, "cross_fitted": "each sample by a model that never saw its pole"}
 
+    @property
+    def landmark_classes(self) -> frozenset[str]:
+        """The classes whose distance it knows."""
+        return self.model.landmark_classes
+
     def for_frame(self, stamp_ns: int) -> HeldOutDistances:
         """The predictor of the frame at ``stamp_ns`` (UTC ns)."""
         return HeldOutDistances(self, np.flatnonzero(self.stamps_ns == stamp_ns))

@@ -130,6 +130,11 @@ class DistanceModel:
         }
         return {"landmark_class": about.landmark_class, "image_px": size, **experts, **about.notes}
 
+    @property
+    def landmark_classes(self) -> frozenset[str]:
+        """The classes whose distance it knows."""
+        return frozenset({self.trained_on.landmark_class})
+
     def for_frame(self, stamp_ns: int) -> DistanceModel:
         """The model that answers at a time (UTC ns): itself; ``CrossFittedDistance`` holds several."""
         return self

@@ -74,6 +74,11 @@ class DistanceByClass:
         }
         return ClassPredictors(known).predict(instances, image_width_px, image_height_px)
 
+    @property
+    def landmark_classes(self) -> frozenset[str]:
+        """The classes whose distance it knows."""
+        return frozenset(self.models)
+
     def for_frame(self, stamp_ns: int) -> ClassPredictors:
         """The predictors of the frame at ``stamp_ns`` (UTC ns)."""
         return ClassPredictors({name: each.for_frame(stamp_ns) for name, each in self.models.items()})

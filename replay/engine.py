@@ -19,12 +19,13 @@ from scpf.ingest.assemble import sha256
 from scpf.ingest.drive_log import DriveLog
 from scpf.ingest.topics import IMAGE_TOPIC
 from scpf.models.errors import InputError
-from scpf.models.road_map import to_geojson
+from scpf.models.road_map import RoadMap, to_geojson
 from scpf.replay import distance_models
+from scpf.replay.about import about
 from scpf.replay.ahead import Ahead
 from scpf.replay.frames import Window, first_state, read_frames
 from scpf.replay.pace import FULL_SPEED, Pace, PaceSettings
-from scpf.replay.pipeline import Pipeline
+from scpf.replay.pipeline import DistanceSource, Pipeline
 from scpf.replay.recording import Recording
 from scpf.replay.results import Results
 from scpf.replay.segmenters import RECORDED, build, reads_pixels
@@ -87,6 +88,7 @@ def replay(
             )
             if missing
         ]
+        warnings += _foreign_landmarks(road_map, model)
         configuration = {
             "settings": settings.as_dict(),
             "window": {
@@ -138,9 +140,10 @@ def replay(
                     pipeline.start(first)
             step = pipeline.step(frame)
             step = replace(step, timing_s={**step.timing_s, "segmentation": ahead.seconds})
-            if frame.problems:
-                problems.update(kind for kind, _ in frame.problems)
-                told = tuple(("WARN", f"{kind}: {particulars}") for kind, particulars in frame.problems)
+            met = [*frame.problems, *_foreign_instances(step, model)]
+            if met:
+                problems.update(kind for kind, _ in met)
+                told = tuple(("WARN", f"{kind}: {particulars}") for kind, particulars in met)
                 step = replace(step, notes=(*step.notes, *told))
             if not done and warnings:
                 step = replace(step, notes=(*step.notes, *(("WARN", text) for text in warnings)))
@@ -173,29 +176,28 @@ def replay(
     return summary
 
 
-def about(log_name: str, configuration: dict[str, Any]) -> str:
-    """The recording's About page: what ran, and how to read each view."""
-    settings = configuration["settings"]
-    return f"""# {log_name}
+def _foreign_landmarks(road_map: RoadMap | None, model: DistanceSource | None) -> list[str]:
+    """A warning for each class of the map's landmarks whose distance nothing predicts."""
+    if road_map is None or model is None:
+        return []
+    foreign = Counter(mark.landmark_class for mark in road_map.landmarks)
+    return [
+        f"the map has {count} landmarks of class {name!r}, which the distance model does not know:"
+        " they constrain nothing"
+        for name, count in foreign.items()
+        if name not in model.landmark_classes
+    ]
 
-Preset `{settings["preset"]}`, segmenter `{settings["segmenter"]}`, seed {settings["seed"]},
-{settings["filter"]["particles"]} particles, GPS `{settings["gps"]["source"]}`, σ = {settings["gps"]["sigma_m"]} m.
 
-## How to read the views
-- **Camera**: masks and outlines take the colour of the landmark that they were matched to; grey ones were left out, and
-  the label says why. The label gives the predicted distance ± one standard deviation.
-- **Distances**: the prediction with its ±1 σ band, and the true distance from the reference beside it.
-- **World**: road edges, poles with the circle of the predicted distance, particles by weight (bright = heavy), estimate
-  with its 2 σ ellipse, reference, GPS fixes, and the plain particle filter beside it. The **surface** under them is the
-  paper's constraint surface Σ max(C, 0) above its minimum, cut at 15 m (dark = every constraint kept); hover to read a
-  cell. The other tabs hold the joint log-probability and the whole map.
-- **Errors**: distance from the reference: total, along and across the road; the plain particle filter for comparison.
-- **Filter**: effective sample size and log-evidence. The state lane reads *tracking* (a landmark constrains),
-  *unconstrained* (none in sight), *lost* (no particle is near what was observed) or *initialising* (neither a reference
-  pose nor a GPS fix has said yet where the drive begins).
-
-## Configuration
-```json
-{json.dumps(configuration, indent=1)}
-```
-"""
+def _foreign_instances(step: Step, model: DistanceSource | None) -> list[tuple[str, str]]:
+    """A problem for each instance of a class whose distance nothing predicts: its kind, and the particulars."""
+    if model is None:
+        return []
+    return [
+        (
+            f"instance of unknown landmark class {instance.landmark_class!r}",
+            "the distance model was not trained on it",
+        )
+        for instance in step.unmeasured
+        if instance.landmark_class not in model.landmark_classes
+    ]

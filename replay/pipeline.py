@@ -45,6 +45,11 @@ class DistancePredictor(Protocol):
 class DistanceSource(Protocol):
     """What has a predictor for every frame: one model for all of them, or several, each for its stretch."""
 
+    @property
+    def landmark_classes(self) -> frozenset[str]:
+        """The classes whose distance it knows."""
+        ...
+
     def for_frame(self, stamp_ns: int) -> DistancePredictor:
         """The predictor to use at that time."""
         ...
