@@ -85,8 +85,8 @@ class Scenario:
     left_out: int = 0
 
 
-def make_scenario(case: Case, seed: int, frames: int = FRAMES) -> Scenario:
-    """The scenario of a case; ``seed`` numbers the drive."""
+def make_scenario(case: Case, seed: int, frames: int = FRAMES, again: int = 0) -> Scenario:
+    """The scenario of a case; ``seed`` numbers the drive, ``again`` further drives past the same poles on that map."""
     rng = np.random.default_rng([seed, 7])
     ring = make_ring()
     drive = make_drive(ring, frames, rng)
@@ -95,6 +95,9 @@ def make_scenario(case: Case, seed: int, frames: int = FRAMES) -> Scenario:
     mapped = poles + off[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     landmarks = tuple(Landmark(f"P{k}", (float(x), float(y), 0.0)) for k, (x, y) in enumerate(mapped))
     road_map = RoadMap(landmarks, np.vstack([ring.line_m, ring.line_m[:1]]))
+    if again:
+        rng = np.random.default_rng([seed, 7, again])
+        drive = make_drive(ring, frames, rng)
     times_s: Array = FRAME_INTERVAL_S * np.arange(len(drive.positions_m), dtype=np.float64)
     return Scenario(case, ring, road_map, drive, _detections(case, drive, poles, rng), times_s)
 
