@@ -100,7 +100,7 @@ def test_no_calibration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 
 @pytest.mark.parametrize(
-    ("shift_s", "said"), [(5.0, "1 × gap before the frame"), (-0.3, "1 × time goes back")]
+    ("shift_s", "said"), [(5.0, "1 × gap before the frame"), (-0.3, "3 × time goes back")]
 )
 def test_times_that_jump(
     shift_s: float, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
