@@ -114,9 +114,11 @@ class PoleNet(nn.Module):
         return F.pixel_shuffle(self.mask(fine), 2), self.centre(eighth), self.offsets(pyramid)
 
 
-def to_input(images: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> Tensor:
-    """Network input (B, 3, H, W) of images (B, H, W, 3), uint8 RGB."""
-    x = torch.from_numpy(images).permute(0, 3, 1, 2).float()
+def to_input(
+    images: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], device: torch.device | str = "cpu"
+) -> Tensor:
+    """Network input (B, 3, H, W) of images (B, H, W, 3), uint8 RGB, on ``device``."""
+    x = torch.from_numpy(images).to(device).permute(0, 3, 1, 2).float()
     x = x.div_(255).sub_(PIXEL_MEAN).div_(PIXEL_DEVIATION)
     return x.contiguous(memory_format=torch.channels_last)
 
@@ -157,14 +159,21 @@ def for_inference(net: PoleNet, *, bfloat16: bool = False) -> PoleNet:
     return folded.to(torch.bfloat16) if bfloat16 else folded
 
 
+NOT_CALIBRATED = ScoreCalibration(1.0, 0.0, 0.0, 0.0)  # the score is the centre's peak
+CONVENTIONS = (
+    "a mask holds the pixels whose centres the object covers; boxes x1 y1 x2 y2 in px, the ends exclusive"
+)
+
+
 @dataclass(frozen=True)
 class WeightsInfo:
-    """What a weights file says about itself."""
+    """What a weights file says about itself. ``conventions``: of what comes out."""
 
     trained_on: str
-    calibration: ScoreCalibration
+    calibration: ScoreCalibration = NOT_CALIBRATED
     classes: tuple[str, ...] = ("light_pole",)
     input: str = f"RGB, uint8 / 255, minus {PIXEL_MEAN}, divided by {PIXEL_DEVIATION}; sides padded to 32 px"
+    conventions: str = CONVENTIONS
     licence: str = "Apache-2.0"
     figures: dict[str, float] = field(default_factory=dict)
 

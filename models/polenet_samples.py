@@ -1,9 +1,8 @@
-"""Training samples of PoleNet: labelled images, their augmentation, and the targets of the three heads."""
+"""Training samples of PoleNet: crops of labelled images, and the targets of the three heads."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -11,49 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scpf.models.errors import DamagedError, MissingError
+from scpf.models.augmentation import degrade
 from scpf.models.grouping import CENTRE_CELL_PX, OFFSET_CELL_PX, OFFSET_SCALE_PX
 from scpf.models.instances import Image
+from scpf.models.labelled_images import IGNORED_ID, Ids, LabelledImage
 from scpf.models.segmentation import PADDING_GREY
 
-IGNORED_ID = 255  # lamps that are neither wanted nor to be called background
 LEAST_HEIGHT_PX, LEAST_AREA_PX = 24, 30  # smaller instances are neither taught nor punished
 CENTRE_SPREAD_CELLS = (0.7, 1.2)  # x, y: deviation of the Gaussian on the centre map
 
-Ids = NDArray[np.uint8]
 FloatMap = NDArray[np.float32]
-
-
-class LabelledImage(NamedTuple):
-    """Paths of an image and of its instance ids (0 background, 1 to 254 poles, 255 ignored)."""
-
-    image: Path
-    ids: Path
-
-    def read(self) -> tuple[Image, Ids]:
-        """Image (H, W, 3) uint8 RGB and ids (H, W) uint8."""
-        bgr = cv2.imread(str(self.image), cv2.IMREAD_COLOR)
-        ids = cv2.imread(str(self.ids), cv2.IMREAD_UNCHANGED)
-        if bgr is None or ids is None or ids.ndim != 2 or ids.shape != bgr.shape[:2] or ids.dtype != np.uint8:
-            raise DamagedError(f"{self.image}: image or ids ({self.ids.name}) unreadable, or of another size")
-        return np.asarray(bgr[:, :, ::-1]), np.asarray(ids)
-
-
-def labelled_images(folder: Path) -> list[LabelledImage]:
-    """All NAME.jpg or NAME.png of a folder that have a NAME.ids.png or (beside a .jpg) a NAME.png."""
-    found = []
-    for path in sorted(folder.iterdir()) if folder.is_dir() else []:
-        if path.suffix not in (".jpg", ".png") or path.name.endswith(".ids.png"):
-            continue
-        candidates = [path.with_suffix(".ids.png")]
-        if path.suffix == ".jpg":
-            candidates.append(path.with_suffix(".png"))
-        found += [LabelledImage(path, ids) for ids in candidates if ids.is_file()][:1]
-    if not found:
-        raise MissingError(
-            f"{folder}: no labelled images", "NAME.jpg beside NAME.ids.png (uint8 instance ids)"
-        )
-    return found
 
 
 class Sample(NamedTuple):
@@ -75,8 +41,8 @@ class Sample(NamedTuple):
 
 def make_sample(source: LabelledImage, size_px: tuple[int, int], rng: np.random.Generator) -> Sample:
     """A random crop of ``size_px`` (width, height) at a random scale, flipped and degraded at random."""
-    image, ids = source.read()
-    image, ids, scale = _crop(image, ids, size_px, rng)
+    picture = source.read()
+    image, ids, scale = _crop(picture.image, picture.ids(), size_px, rng)
     if rng.random() < 0.5:
         image, ids = image[:, ::-1], ids[:, ::-1]
     image = np.ascontiguousarray(image)
@@ -111,33 +77,6 @@ def _crop(
         y1 = int(np.clip(y - rng.uniform(0.1, 0.9) * high, 0, height - high))
     part = np.s_[y1 : y1 + high, x1 : x1 + wide]
     return image[part], ids[part], scale
-
-
-def degrade(image: Image, rng: np.random.Generator) -> Image:
-    """What cameras do to colours: grey, swapped or tinted channels, exposure, haze, blur, noise, JPEG."""
-    if rng.random() < 0.4:
-        weights = rng.dirichlet((2.0, 4.0, 2.0)).astype(
-            np.float32
-        )  # grey cameras differ in spectral response
-        image = np.repeat(cv2.transform(image, weights[None])[..., None], 3, axis=2)
-    elif rng.random() < 0.4:
-        image = image[:, :, rng.permutation(3)]
-    levels = np.arange(256, dtype=np.float32) / 255
-    contrast = rng.uniform(0.25, 0.6) if rng.random() < 0.2 else rng.uniform(0.7, 1.4)
-    tone = (levels ** rng.uniform(0.6, 1.7) - 0.5) * contrast + 0.5 + rng.uniform(-0.18, 0.18)
-    tint = rng.uniform(0.92, 1.08, 3) if rng.random() < 0.5 else np.ones(3)
-    table = np.clip(255 * tone[:, None] * tint, 0, 255).astype(np.uint8)[None]
-    image = np.asarray(cv2.LUT(np.ascontiguousarray(image), table), np.uint8)
-    if rng.random() < 0.3:
-        image = np.asarray(cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 1.3)), np.uint8)
-    if rng.random() < 0.5:
-        channels = 1 if rng.random() < 0.5 else 3
-        noise = rng.standard_normal((*image.shape[:2], channels), dtype=np.float32) * rng.uniform(0, 9)
-        image = np.clip(image + noise, 0, 255).astype(np.uint8)
-    if rng.random() < 0.25:
-        written = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(35, 95))])[1]
-        image = np.asarray(cv2.imdecode(written, cv2.IMREAD_COLOR), np.uint8)
-    return image
 
 
 def targets(framed: Image, ids: Ids, shown_px: Sequence[int]) -> Sample:

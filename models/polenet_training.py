@@ -1,33 +1,43 @@
-"""Training of PoleNet on folders of labelled images, on a CPU.
+"""Training of PoleNet on labelled images: the schedule, the best weights, and going on after an interruption.
 
-Losses: class-weighted cross-entropy and Dice (Milletari et al. 2016) for the mask, the penalty-reduced focal loss of
-CenterNet (Zhou et al. 2019, eq. 1) for the centres, L1 for the offsets.
+Each step draws its crops from seed and step alone, so that a training that goes on takes the steps that it would have
+taken. The losses are in `polenet_losses`.
 """
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
-import torch.nn.functional as F
-from torch import Tensor
 
 from scpf.models import polenet, polenet_validation
-from scpf.models.polenet_samples import LabelledImage, Sample, labelled_images, make_sample
+from scpf.models.labelled_images import LabelledImage
+from scpf.models.polenet_losses import loss
+from scpf.models.polenet_samples import Sample, make_sample
+from scpf.models.training_state import TrainingState
 
 Losses = dict[str, float]
 Report = Callable[[str], None]
+Curves = Callable[[str, int, Mapping[str, float]], None]  # "loss" or "validation", step, values by name
+
+BEST = "best.safetensors"
+STATE = "last.pt"
+JUDGED_BY = "mask_ap50"
 
 
 @dataclass(frozen=True)
 class TrainingSettings:
     """``sizes_px``: (width, height) of the crops, one of them for each batch. ``limit_s``: the schedule is squeezed
-    into this many seconds where ``steps`` would take longer (the result then depends on the machine's speed)."""
+    into this many seconds where ``steps`` would take longer (the result then depends on the machine's speed).
+    ``patience``: stop after so many validations without a better AP, 0 never. ``device``: cpu, cuda or mps.
+    ``workers``: threads that make crops. ``validation_images``: the most that a validation on the way looks at."""
 
     steps: int = 1500
     batch: int = 8
@@ -37,117 +47,183 @@ class TrainingSettings:
     weight_decay: float = 1e-2
     gradient_norm: float = 5.0
     validate_every: int = 300
+    validation_images: int = 40
+    patience: int = 0
+    report_every: int = 25
     limit_s: float = float("inf")
     start: Path | None = None  # weights to go on from
+    device: str = "cpu"
+    workers: int = 1
 
 
 def train(
-    train_dirs: Sequence[Path],
-    validation_dirs: Sequence[Path],
-    output: Path,
+    training: Sequence[Sequence[LabelledImage]],
+    held_out: Sequence[LabelledImage],
+    run_folder: Path,
     settings: TrainingSettings,
     seed: int,
-    report: Report = print,
-    trained_on: str = "",
+    about: polenet.WeightsInfo,
+    *,
+    resume: bool = False,
+    report: Report = lambda line: None,
+    curves: Curves = lambda kind, step, values: None,
 ) -> polenet.WeightsInfo:
-    """Trains, calibrates the score, writes ``output`` and returns what it says about itself.
+    """Trains and calibrates; leaves the best weights as `BEST` in ``run_folder`` and returns what they say.
 
-    Every training folder is drawn equally often, whatever its size. The calibration is fitted on every other
-    validation image, the figures are of the rest.
+    Every set of ``training`` is drawn equally often, whatever its size. The best are those with the highest mask AP on
+    a validation. In the end the calibration is fitted on every other held-out image, the figures are of the rest.
+    ``about``: what the weights shall say of their training. ``resume``: go on from the `STATE` in the folder.
     """
     torch.manual_seed(seed)
-    net = polenet.load(settings.start)[0] if settings.start else polenet.PoleNet()
-    net = polenet.channels_last(net).train()
-    folders = [labelled_images(folder) for folder in train_dirs]
-    held_out = [labelled_images(folder) for folder in validation_dirs]
-    few = [source for images in held_out for source in images[:: max(1, len(images) // 12)]]
-    optimizer = torch.optim.AdamW(
-        net.parameters(), settings.learning_rate, weight_decay=settings.weight_decay
-    )
-    began = time.monotonic()
-    for step, batch in enumerate(_batches(folders, settings, seed)):
-        elapsed = time.monotonic() - began
-        progress = max(step / settings.steps, elapsed / settings.limit_s)
-        if progress >= 1:
-            break
-        warm = min(1.0, (step + 1) / settings.warm_up_steps)
-        rate = settings.learning_rate * warm * 0.5 * (1 + np.cos(np.pi * progress)) + 1e-5
-        for parameters in optimizer.param_groups:
-            parameters["lr"] = rate
-        losses = training_step(net, optimizer, batch, settings.gradient_norm)
-        if step % 25 == 0:
-            shown = " ".join(f"{name} {value:.3f}" for name, value in losses.items())
-            report(f"step {step} {progress:.0%} {elapsed:.0f} s rate {rate:.5f} {shown}")
-        if step and step % settings.validate_every == 0:  # an interrupted training leaves these weights
-            _finish(net, few, output, trained_on, report)
-    return _finish(net, [source for images in held_out for source in images], output, trained_on, report)
-
-
-def _finish(
-    net: polenet.PoleNet, held_out: Sequence[LabelledImage], output: Path, trained_on: str, report: Report
-) -> polenet.WeightsInfo:
-    """Judges, calibrates and writes the network as it is."""
-    judged = polenet_validation.judge(polenet.for_inference(net), held_out)
-    calibration = judged.fit_calibration(np.s_[0::2])
-    figures = judged.figures(calibration, np.s_[1::2])
-    report(f"{len(held_out)} held out: " + " ".join(f"{name} {value:.3f}" for name, value in figures.items()))
-    info = polenet.WeightsInfo(trained_on, calibration, figures=figures)
-    polenet.save(output, net, info)
+    state = begin(settings)
+    if resume:
+        state.restore(run_folder / STATE, torch.device(settings.device))
+        report(f"going on from step {state.step}")
+    few = held_out[:: max(1, len(held_out) // settings.validation_images)]
+    run = _Run(state, few, run_folder, about, report, curves)
+    began = time.monotonic() - state.elapsed_s
+    sums: Losses = defaultdict(float)
+    summed = 0
+    try:
+        for batch in _batches(training, settings, seed, state.step):
+            state.elapsed_s = time.monotonic() - began
+            progress = max(state.step / settings.steps, state.elapsed_s / settings.limit_s)
+            if progress >= 1:
+                break
+            rate = _set_learning_rate(state, settings, progress)
+            losses = training_step(state, batch, settings.gradient_norm)
+            state.step += 1
+            summed += 1
+            for name, value in losses.items():
+                sums[name] += value
+            if state.step % settings.report_every == 0:
+                means = {name: value / summed for name, value in sums.items()}
+                run.tell(progress, {**means, "learning_rate": rate})
+                sums.clear()
+                summed = 0
+            if state.step % settings.validate_every == 0:
+                run.validate()
+                waited = (state.step - state.best_step) // settings.validate_every
+                if settings.patience and waited >= settings.patience:
+                    report(f"no better {JUDGED_BY} since step {state.best_step}: stopped")
+                    break
+    except KeyboardInterrupt:
+        state.save(run_folder / STATE)
+        raise
+    if state.step % settings.validate_every:
+        run.validate()
+    net, _ = polenet.load(run_folder / BEST)
+    info = _judged(net.to(settings.device), held_out, about, np.s_[1::2])
+    report(f"step {state.best_step} is the best. {_line(info.figures)}")
+    polenet.save(run_folder / BEST, net, info)
     return info
 
 
-def training_step(
-    net: polenet.PoleNet, optimizer: torch.optim.Optimizer, batch: Sequence[Sample], gradient_norm: float
-) -> Losses:
+def begin(settings: TrainingSettings) -> TrainingState:
+    """A network with random weights, or those to start from, before its first step."""
+    device = torch.device(settings.device)
+    net = polenet.load(settings.start)[0] if settings.start else polenet.PoleNet()
+    net = polenet.channels_last(net).to(device).train()
+    rate, decay = settings.learning_rate, settings.weight_decay
+    optimizer = torch.optim.AdamW(net.parameters(), rate, weight_decay=decay)
+    # Half floats of 16 bits overflow without a scale; bfloat16 needs none.
+    scaler = torch.amp.GradScaler(device.type, enabled=amp_type(device) == torch.float16)
+    return TrainingState(net, optimizer, scaler)
+
+
+def amp_type(device: torch.device) -> torch.dtype | None:
+    """The type of automatic mixed precision that a device computes fast; None for single precision throughout."""
+    if device.type == "cuda":
+        return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
+    return torch.bfloat16 if device.type == "cpu" and polenet.has_fast_bfloat16() else None
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Where a training reports to, and where it leaves its weights."""
+
+    state: TrainingState
+    few: Sequence[LabelledImage]
+    folder: Path
+    about: polenet.WeightsInfo
+    report: Report
+    curves: Curves
+
+    def tell(self, progress: float, means: Losses) -> None:
+        """The losses since the last call."""
+        self.curves("loss", self.state.step, means)
+        shown = " ".join(f"{name} {value:.3g}" for name, value in means.items())
+        self.report(f"step {self.state.step} {progress:.0%} {self.state.elapsed_s:.0f} s {shown}")
+
+    def validate(self) -> None:
+        """Judges the network as it is; keeps it where it is the best so far, and the state in any case."""
+        info = _judged(self.state.net, self.few, self.about, np.s_[:])  # too few to divide
+        self.curves("validation", self.state.step, info.figures)
+        self.report(f"step {self.state.step}: {_line(info.figures)}")
+        if self.state.best_step == 0 or info.figures[JUDGED_BY] > self.state.best:
+            self.state.best, self.state.best_step = info.figures[JUDGED_BY], self.state.step
+            polenet.save(self.folder / BEST, self.state.net, info)
+        self.state.save(self.folder / STATE)
+
+
+def _judged(
+    net: polenet.PoleNet, held_out: Sequence[LabelledImage], about: polenet.WeightsInfo, part: slice
+) -> polenet.WeightsInfo:
+    """``about`` with the calibration of every other image, and the figures of a part of them."""
+    judged = polenet_validation.judge(polenet.for_inference(net), held_out)
+    calibration = judged.fit_calibration(np.s_[0::2])
+    return replace(about, calibration=calibration, figures=judged.figures(calibration, part))
+
+
+def _line(figures: Mapping[str, float]) -> str:
+    return " ".join(f"{name} {value:.3f}" for name, value in figures.items())
+
+
+def _set_learning_rate(state: TrainingState, settings: TrainingSettings, progress: float) -> float:
+    """Up in a straight line, then down along half a cosine (Loshchilov and Hutter 2017)."""
+    warm = min(1.0, (state.step + 1) / settings.warm_up_steps)
+    rate = settings.learning_rate * warm * 0.5 * (1 + math.cos(math.pi * progress)) + 1e-5
+    for parameters in state.optimizer.param_groups:
+        parameters["lr"] = rate
+    return rate
+
+
+def training_step(state: TrainingState, batch: Sequence[Sample], gradient_norm: float) -> Losses:
     """One step of the optimizer; the losses before it."""
-    inputs = polenet.to_input(np.stack([sample.image for sample in batch]))
-    truth = [torch.from_numpy(np.stack(maps)) for maps in list(zip(*batch, strict=True))[1:]]
-    with torch.autocast("cpu", dtype=torch.bfloat16, enabled=polenet.has_fast_bfloat16()):
-        outputs = net(inputs)
+    device = next(state.net.parameters()).device
+    inputs = polenet.to_input(np.stack([sample.image for sample in batch]), device)
+    truth = [torch.from_numpy(np.stack(maps)).to(device) for maps in list(zip(*batch, strict=True))[1:]]
+    kind = amp_type(device)
+    with torch.autocast(device.type, dtype=kind or torch.float32, enabled=kind is not None):
+        outputs = state.net(inputs)
     total, losses = loss(outputs, truth)
-    optimizer.zero_grad()
-    total.backward()  # type: ignore[no-untyped-call]
-    torch.nn.utils.clip_grad_norm_(net.parameters(), gradient_norm)
-    optimizer.step()
-    return losses
-
-
-def loss(outputs: tuple[Tensor, Tensor, Tensor], truth: Sequence[Tensor]) -> tuple[Tensor, Losses]:
-    """The sum to be minimised and its parts; ``truth``: the maps of `Sample` after the image, batched."""
-    cover, valid, centre, centre_valid, offsets, offsets_valid = truth
-    mask_logit, centre_logit, aim = outputs[0][:, 0].float(), outputs[1][:, 0].float(), outputs[2].float()
-    weight = (1 + 4 * cover) * valid  # poles cover a hundredth of a picture
-    cross_entropy = F.binary_cross_entropy_with_logits(mask_logit, cover, weight)
-    p = mask_logit.sigmoid() * valid
-    overlap = (2 * (p * cover).sum((1, 2)) + 1) / ((p * p).sum((1, 2)) + (cover * cover).sum((1, 2)) + 1)
-    dice = (1 - overlap).mean()
-    q = centre_logit.sigmoid().clamp(1e-4, 1 - 1e-4)
-    peak = centre.eq(1).float()
-    hit = peak * (1 - q) ** 2 * q.log()
-    miss = (1 - peak) * centre_valid * (1 - centre) ** 4 * q**2 * (1 - q).log()
-    focal = -(hit + miss).sum() / peak.sum().clamp(min=1)
-    shift = ((aim - offsets).abs().sum(1) * offsets_valid).sum() / offsets_valid.sum().clamp(min=1)
-    total = 2 * cross_entropy + dice + focal + 0.5 * shift
-    parts = {"cross_entropy": cross_entropy, "dice": dice, "centre": focal, "offsets": shift}
-    return total, {name: float(part.detach()) for name, part in parts.items()}
+    state.optimizer.zero_grad()
+    state.scaler.scale(total).backward()  # type: ignore[no-untyped-call]
+    state.scaler.unscale_(state.optimizer)
+    torch.nn.utils.clip_grad_norm_(state.net.parameters(), gradient_norm)
+    state.scaler.step(state.optimizer)
+    state.scaler.update()
+    return {name: float(value) for name, value in losses.items()}
 
 
 def _batches(
-    folders: Sequence[Sequence[LabelledImage]], settings: TrainingSettings, seed: int
+    sets: Sequence[Sequence[LabelledImage]], settings: TrainingSettings, seed: int, first: int
 ) -> Iterator[list[Sample]]:
-    """Batches for ever, made one ahead in another thread; the same for the same seed."""
+    """Batches for ever from step ``first`` on, made ahead in other threads; the same for the same seed."""
 
     def make(step: int) -> list[Sample]:
         rng = np.random.default_rng([seed, step])
         size = settings.sizes_px[int(rng.integers(len(settings.sizes_px)))]
-        drawn = [folders[int(rng.integers(len(folders)))] for _ in range(settings.batch)]
+        drawn = [sets[int(rng.integers(len(sets)))] for _ in range(settings.batch)]
         return [make_sample(images[int(rng.integers(len(images)))], size, rng) for images in drawn]
 
-    with ThreadPoolExecutor(1) as pool:
-        step = 0
-        coming: Future[list[Sample]] = pool.submit(make, step)
+    with ThreadPoolExecutor(settings.workers) as pool:
+        coming: list[Future[list[Sample]]] = [
+            pool.submit(make, first + ahead) for ahead in range(settings.workers)
+        ]
+        step = first + len(coming)
         while True:
-            batch = coming.result()
+            batch = coming.pop(0).result()
+            coming.append(pool.submit(make, step))
             step += 1
-            coming = pool.submit(make, step)
             yield batch

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from scpf.models.grouping import Candidate, ScoreCalibration, group, logit
-from scpf.models.polenet import PoleNet
-from scpf.models.polenet_samples import IGNORED_ID, Ids, LabelledImage
+from scpf.models.labelled_images import IGNORED_ID, Ids, LabelledImage
+from scpf.models.polenet import NOT_CALIBRATED, PoleNet
 from scpf.models.segmentation import frame, maps
 
 LEAST_OVERLAP = 0.5  # intersection over union of the masks that counts as found
@@ -62,7 +62,7 @@ class Judgement(NamedTuple):
         """Logistic regression of "is a light pole" on the evidence, by Newton's steps with a weak prior."""
         verdicts = [v for image in self.images[part] for v in image.verdicts]
         if not verdicts:
-            return ScoreCalibration(1.0, 0.0, 0.0, 0.0)
+            return NOT_CALIBRATED
         evidence = np.array([[logit(v.candidate.centre), logit(v.candidate.mask_mean),
                               np.log(v.candidate.height_px), 1.0] for v in verdicts], dtype=np.float64)  # fmt: skip
         right = np.array([v.detected for v in verdicts], dtype=np.float64)
@@ -75,7 +75,7 @@ class Judgement(NamedTuple):
         return ScoreCalibration(*(float(w) for w in weights))
 
     def figures(self, calibration: ScoreCalibration, part: slice = slice(None)) -> dict[str, float]:
-        """Pixel IoU; detection, precision, recall and mask IoU at each of `THRESHOLDS` of the calibrated score."""
+        """Pixel IoU, mask AP50; detection, precision, recall and mask IoU at each of `THRESHOLDS` of the score."""
         images = self.images[part]
         found = {"pixel_iou": sum(i.shared_px for i in images) / max(1, sum(i.either_px for i in images))}
         poles = sum(image.poles for image in images)
@@ -88,6 +88,7 @@ class Judgement(NamedTuple):
         detected = np.array([v.detected for v in verdicts], dtype=bool)
         counting = np.array([v.counts for v in verdicts], dtype=bool)
         errors = np.array([v.thickness_error_px for v in verdicts])
+        found["mask_ap50"] = average_precision(scores[counting], (overlaps >= LEAST_OVERLAP)[counting], poles)
         for threshold in THRESHOLDS:
             shown = counting & (scores >= threshold)
             right = shown & (overlaps >= LEAST_OVERLAP)
@@ -101,9 +102,22 @@ class Judgement(NamedTuple):
         return {name: round(float(value), 4) for name, value in found.items()}
 
 
+def average_precision(scores: NDArray[np.float64], right: NDArray[np.bool_], wanted: int) -> float:
+    """COCO's average precision of detections (N,) of which some are ``right``, where ``wanted`` could be found.
+
+    The mean over the recalls 0, 0.01 … 1 of the best precision at that recall or a higher one.
+    """
+    hits = np.cumsum(right[np.argsort(-scores, kind="stable")])
+    precision = hits / np.arange(1, len(hits) + 1)
+    best = np.maximum.accumulate(precision[::-1])[::-1]
+    reached = np.searchsorted(hits / max(1, wanted), np.linspace(0, 1, 101) - 1e-9)
+    return float(np.append(best, 0.0)[reached].mean())
+
+
 def judge(net: PoleNet, sources: Sequence[LabelledImage]) -> Judgement:
     """Runs a folded ``net`` on images and compares its candidates with their ids, at the network's scale."""
-    return Judgement([_judge_image(net, *source.read()) for source in sources])
+    pictures = (source.read() for source in sources)
+    return Judgement([_judge_image(net, picture.image, picture.ids()) for picture in pictures])
 
 
 def _judge_image(net: PoleNet, image: NDArray[np.uint8], ids: Ids) -> JudgedImage:

@@ -130,10 +130,10 @@ def maps(net: PoleNet, framed: Image) -> tuple[NDArray[Any], NDArray[Any], NDArr
     from scpf.models.polenet import to_input
 
     with torch.inference_mode():
-        x = to_input(framed[None]).to(next(net.parameters()).dtype)
+        x = to_input(framed[None]).to(next(net.parameters()))  # its device and precision
         mask, centre, offsets = net(x)
         mask, centre = mask[0, 0].float().sigmoid(), centre[0, 0].float().sigmoid()
-        return mask.numpy(), centre.numpy(), offsets[0].float().numpy()
+        return mask.cpu().numpy(), centre.cpu().numpy(), offsets[0].float().cpu().numpy()
 
 
 def at_full_resolution(candidate: Candidate, scale: tuple[float, float], score: float) -> Instance | None:

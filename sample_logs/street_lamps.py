@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from scpf.models.polenet_samples import IGNORED_ID
+from scpf.models.labelled_images import IGNORED_ID
 from scpf.sample_logs.street_canvas import Canvas, Colour, Floats, Tube
 from scpf.sample_logs.street_looks import grey
 from scpf.sample_logs.street_objects import plate

@@ -1,0 +1,53 @@
+"""A training that can be interrupted: its network and optimizer, how far it came, and the file that holds them."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from scpf.models.errors import DamagedError, MissingError
+from scpf.models.polenet import PoleNet
+
+
+@dataclass
+class TrainingState:
+    """``step``: of the optimizer, taken so far; ``best``: the best validation's figure, of ``best_step`` (0: none)."""
+
+    net: PoleNet
+    optimizer: torch.optim.Optimizer
+    scaler: torch.amp.GradScaler
+    step: int = 0
+    best: float = 0.0
+    best_step: int = 0
+    elapsed_s: float = 0.0
+
+    def save(self, path: Path) -> None:
+        """Writes the file, whole or not at all."""
+        content = {
+            "net": self.net.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "scaler": self.scaler.state_dict(),
+            "progress": [self.step, self.best, self.best_step, self.elapsed_s],
+        }
+        partial = path.with_name(path.name + ".partial")
+        torch.save(content, partial)
+        partial.replace(path)
+
+    def restore(self, path: Path, device: torch.device) -> None:
+        """Takes up what a file holds; raises MissingError and DamagedError. Code in it is not run."""
+        if not path.is_file():
+            raise MissingError(f"{path}: no state to go on from", "train without --resume")
+        try:
+            content = torch.load(path, map_location=device, weights_only=True)
+            self.net.load_state_dict(content["net"])
+            self.optimizer.load_state_dict(content["optimizer"])
+            self.scaler.load_state_dict(content["scaler"])
+            step, best, best_step, elapsed_s = content["progress"]
+            self.step, self.best, self.best_step = int(step), float(best), int(best_step)
+            self.elapsed_s = float(elapsed_s)
+        except (RuntimeError, pickle.UnpicklingError, EOFError, KeyError, TypeError, ValueError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise DamagedError(f"{path}: not the state of such a training ({reason})") from error

@@ -1,0 +1,68 @@
+"""The labelled pictures that ``scpf train segmenter`` was told to train on and to judge by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from scpf.ingest.labelled_folders import labelled_images
+from scpf.models.errors import UsageError
+from scpf.models.labelled_images import LabelledImage, ids_images, split
+from scpf.sample_logs.street_scenes import write_scenes
+
+
+class TrainingPictures(NamedTuple):
+    """``training``: one sequence a set; ``counted``: in words, by set."""
+
+    training: list[list[LabelledImage]]
+    held_out: list[LabelledImage]
+    counted: str
+
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """The names of the pictures, for a configuration that shall say what was trained on."""
+        trained = [image.path.name for images in self.training for image in images]
+        return {"trained": trained, "held_out": [image.path.name for image in self.held_out]}
+
+
+def gather(
+    data: Sequence[Path],
+    validate: Sequence[Path],
+    classes: Sequence[str],
+    held_out: float,
+    seed: int,
+    painted: tuple[int, Path],
+    report: Callable[[str], None],
+) -> TrainingPictures:
+    """The pictures of ``data``, divided unless ``validate`` names others, and so many ``painted`` scenes in a folder.
+
+    Raises UsageError where there is nothing to train on, and what the readers raise.
+    """
+    scenes, folder = painted
+    if not data and not scenes:
+        raise UsageError("nothing to train on", "name folders of labelled pictures, or give --scenes")
+    training: list[list[LabelledImage]] = []
+    judged: list[LabelledImage] = [image for path in validate for image in labelled_images(path, classes)]
+    counted = []
+    for path in data:
+        images = labelled_images(path, classes)
+        rest, kept = (images, []) if validate else split(images, held_out, seed)
+        training.append(rest)
+        judged += kept
+        counted.append(f"{len(rest)} pictures of {path.name}")
+    if scenes:
+        # Seeds of the held-out scenes lie apart, so that a larger --scenes never trains on them.
+        for name, seeds in (("train", range(scenes)), ("held_out", _apart(scenes))):
+            report(f"painting {len(seeds)} scenes into {folder / name}")
+            write_scenes(folder / name, seeds)
+        training.append([*ids_images(folder / "train")])
+        judged += ids_images(folder / "held_out")
+        counted.append(f"{scenes} painted scenes")
+    if len(judged) < 2:
+        raise UsageError("fewer than two pictures are held out to judge by", "give --validate, or label more")
+    return TrainingPictures(training, judged, f"{', '.join(counted)}; {len(judged)} held out")
+
+
+def _apart(scenes: int) -> range:
+    return range(10**6, 10**6 + max(scenes // 10, 8))
