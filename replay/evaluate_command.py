@@ -29,6 +29,8 @@ def evaluate(
     scheduler: str | None = None,
     json: Path | None = None,
     csv: Path | None = None,
+    figures: Path | None = None,
+    tum: Path | None = None,
     overwrite: bool = False,
     format: Literal["text", "json", "csv"] = "text",
 ) -> int:
@@ -51,7 +53,7 @@ def evaluate(
 
         scpf evaluate drive.results.mcap --runs 20
 
-        scpf evaluate --jobs 8 --json figures.json --csv figures.csv
+        scpf evaluate --jobs 8 --json figures.json --csv figures.csv --figures figures/ --tum runs/
 
     Parameters
     ----------
@@ -97,6 +99,11 @@ def evaluate(
         Also write plan, settings and figures to this file.
     csv
         Also write the figures of each drive to this file.
+    figures
+        Also draw error against GPS noise, error over time, poles in sight and the constraint surface as PNG into this
+        folder (`pip install 'scpf[figures]'`).
+    tum
+        Also write the truth of each drive, and each estimator's first run on it, as TUM trajectories into this folder.
     overwrite
         Replace files of that name.
     format
@@ -105,15 +112,13 @@ def evaluate(
     from scpf.models.errors import UsageError
     from scpf.replay.evaluation import evaluate as carry_out
     from scpf.replay.evaluation_conditions import Conditions
+    from scpf.replay.evaluation_outputs import Outputs
     from scpf.replay.evaluation_plan import Plan
     from scpf.replay.evaluation_report import as_csv, as_json, as_table
     from scpf.replay.evaluation_scenarios import make_scenarios
 
     if jobs == 0:
         raise UsageError("--jobs is not 0", "a number of workers, or -1 for all cores")
-    for path in (json, csv):
-        if path is not None and path.exists() and not overwrite:
-            raise UsageError(f"{path} exists", "choose another name, or give --overwrite")
     conditions = Conditions(
         gps_outages_s=tuple(pair(text, "--gps-outage") for text in gps_outage),
         gps_after_start=not no_gps,
@@ -135,13 +140,12 @@ def evaluate(
         tuple(str(path) for path in recordings),
         None if map is None else str(map),
     )
+    plan.check()
+    outputs = Outputs(json, csv, figures, tum)
+    outputs.check(plan, overwrite)
     scenarios = make_scenarios(plan)
     results = carry_out(plan, jobs, backend, scenarios, scheduler)
-    for path, text in ((json, as_json(plan, results) + "\n"), (csv, as_csv(results))):
-        if path is not None:
-            partial = path.with_name(path.name + ".partial")
-            partial.write_text(text, encoding="utf-8")
-            partial.replace(path)
+    outputs.write(plan, results, scenarios)
     printed = {"text": as_table, "json": as_json}
     print(printed[format](plan, results) if format != "csv" else as_csv(results).rstrip("\n"))
     lost = sum(result.metrics.diverged_runs for result in results)

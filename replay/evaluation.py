@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,23 +12,26 @@ from scpf.replay.evaluation_backends import LOCAL, workers
 from scpf.replay.evaluation_metrics import Metrics, measure
 from scpf.replay.evaluation_plan import Plan
 from scpf.replay.evaluation_presets import PRESETS, Estimator
+from scpf.replay.evaluation_runs import run_estimator
 from scpf.replay.evaluation_scenarios import Scenarios, make_scenarios
+from scpf.replay.evaluation_traces import Trace, trace_of
 from scpf.replay.protocol import Scenario
 
 
 @dataclass(frozen=True)
 class Result:
-    """The figures of one preset on one drive of one case at one GPS deviation."""
+    """The figures of one preset on one drive of one case at one GPS deviation, and how the runs went."""
 
     preset: str
     case: str
     sigma_m: float
     drive: int
     metrics: Metrics
+    trace: Trace = field(compare=False, repr=False)
 
     def as_row(self) -> dict[str, Any]:
-        """The result as a flat row."""
-        row: dict[str, Any] = {key: value for key, value in asdict(self).items() if key != "metrics"}
+        """The figures as a flat row."""
+        row = {"preset": self.preset, "case": self.case, "sigma_m": self.sigma_m, "drive": self.drive}
         return {**row, **asdict(self.metrics)}
 
 
@@ -67,8 +70,6 @@ def evaluate_one(
     plan: Plan, settings: Estimator, case: str, sigma_m: float, drive: int, scenario: Scenario
 ) -> Result:
     """All runs of one cell of the plan."""
-    from scpf.replay.evaluation_runs import run_estimator
-
     seeds = range(plan.seed + 1000 * drive, plan.seed + 1000 * drive + plan.runs)
     fixed = plan.conditions.fixed(scenario.times_s)
     estimates = run_estimator(settings, scenario, sigma_m, seeds, plan.known_matching, fixed)
@@ -78,7 +79,7 @@ def evaluate_one(
     poles = np.array([len(frame) for frame in scenario.detections])
     figures = (estimates.positions_m, estimates.covariances_m2, truth.positions_m, truth.headings_rad)
     metrics = measure(*figures, allowed_m, poles)
-    return Result(settings.name, case, sigma_m, drive, metrics)
+    return Result(settings.name, case, sigma_m, drive, metrics, trace_of(estimates, scenario))
 
 
 def pooled(results: Sequence[Result]) -> list[dict[str, Any]]:

@@ -35,6 +35,16 @@ class Plan:
     recordings: tuple[str, ...] = ()
     map_path: str | None = None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The cases, or the recordings by name."""
+        return tuple(recording_name(path) for path in self.recordings) or self.cases
+
+    @property
+    def drives_each(self) -> int:
+        """Drives of each name: a recording is one."""
+        return 1 if self.recordings else self.drives
+
     def check(self) -> None:
         """UsageError where the plan cannot be carried out."""
         for chosen, known, what in ((self.presets, PRESETS, "preset"), (self.cases, CASES, "case")):

@@ -24,10 +24,15 @@ NO_FIX_VARIANCE_M2: Final = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Estimated positions (R, K, 2) and their covariances (R, K, 3: xx, xy, yy) in R runs of K frames."""
+    """Estimates in R runs of K frames.
+
+    ``positions_m`` (R, K, 2), their ``covariances_m2`` (R, K, 3: xx, xy, yy), and ``headings_rad`` (R, K): that of the
+    velocity where an estimator has no other.
+    """
 
     positions_m: Array
     covariances_m2: Array
+    headings_rad: Array
 
 
 def run_estimator(
@@ -54,9 +59,11 @@ def run_estimator(
     runs = make(settings, scenario, sigma_m, first, seeds, known_matching)
     positions = np.empty((len(seeds), len(drive.positions_m), 2))
     covariances = np.empty((len(seeds), len(drive.positions_m), 3))
+    headings = np.empty((len(seeds), len(drive.positions_m)))
     intervals_s = np.diff(scenario.times_s, prepend=scenario.times_s[0])
     for k, detections in enumerate(scenario.detections):
         runs.fix_variance_m2 = sigma_m**2 if fixed is None or fixed[k] else NO_FIX_VARIANCE_M2
         mean, covariance = runs.step(float(intervals_s[k]), fixes[:, k], detections)
         positions[:, k], covariances[:, k] = mean[:, :2], covariance
-    return Estimates(positions, covariances)
+        headings[:, k] = mean[:, 4] if mean.shape[1] > 4 else np.arctan2(mean[:, 3], mean[:, 2])
+    return Estimates(positions, covariances, headings)
