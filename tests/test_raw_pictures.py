@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scpf.ingest import applanix
 from scpf.ingest.calibration import to_yaml
 from scpf.ingest.drive_log import DriveLog, DriveLogWriter
 from scpf.models.camera import R_BODY_OPTICAL, Camera
@@ -20,6 +21,7 @@ from scpf.sample_logs.encode_gsof import gsof
 from scpf.sample_logs.encode_sbet import sbet
 from scpf.sample_logs.finished_frames import encode_jpeg
 from scpf.sample_logs.raw_camera import RecordedPicture, write_basler_folder, write_mp4
+from scpf.sample_logs.raw_logs import write_raw_logs
 from scpf.sample_logs.rectify import Rectifier
 from scpf.sample_logs.ring_road import PATH, default_centre_line, default_road_map
 from scpf.sample_logs.sensors import InsLog, simulate_ins
@@ -164,6 +166,28 @@ def test_bags_give_the_drive(
             fix = next(opened.messages(["/ins/fix"])).message
             east, north = ins.position_rms_m[0, [1, 0]]
             assert fix.position_covariance[[0, 4]] == pytest.approx([east**2, north**2], rel=1e-3)
+
+
+def test_one_seed_is_one_set_of_bytes(tmp_path: Path, ins: InsLog, pictures: list[RecordedPicture]) -> None:
+    again = simulate_ins(
+        simulate_vehicle(default_centre_line(), start_m=400.0, duration_s=4.0, seed=7, dropped_share=0.15),
+        ORIGIN,
+        seed=1,
+        noise=0.0,
+    )
+    for name, log in (("a", ins), ("b", again)):
+        write_raw_logs(tmp_path / name, log)
+        write_ros1_bag(tmp_path / name / "drive.bag", log, pictures, CAMERA)
+    files = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert files == ["drive.bag", "ins.nmea", "lvx.gsof", "poslv.pcap", "sbet.out", "smrmsg.out"]
+    for name in files:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    with pytest.raises(InputError, match="exists"):
+        write_raw_logs(tmp_path / "a", ins)
+    recognised = {
+        name: applanix.recognise(tmp_path / "a" / name).name for name in files if name != "drive.bag"
+    }
+    assert list(recognised.values()) == ["nmea", "gsof", "grp", "sbet", "smrmsg"]
 
 
 def test_rectified_pictures_show_points_where_a_camera_without_distortion_sees_them() -> None:
