@@ -26,6 +26,12 @@ COMMANDS: Final = (
     ),
     (
         "Replay",
+        "figures",
+        "figures_command:figures",
+        "A replay's plots as PNG files and one HTML page.",
+    ),
+    (
+        "Replay",
         "evaluate",
         "evaluate_command:evaluate",
         "Compare estimators in Monte Carlo runs of a simulated drive.",

@@ -27,7 +27,11 @@ def read_settings(path: Path, preset_name: str | None = None) -> Settings:
 
     ``path``: TOML, or the NAME.json of an earlier replay. Raises UsageError naming the file and the field.
     """
-    document = _document(path)
+    return settings_of_document(_document(path), path, preset_name)
+
+
+def settings_of_document(document: Mapping[str, Any], path: Path, preset_name: str | None = None) -> Settings:
+    """As `read_settings`, of what a file ``path`` (named in errors) was read into."""
     name = document.get("preset", "paper") if preset_name is None else preset_name
     if not isinstance(name, str):
         raise UsageError(f"{path}: preset is not a name", 'write preset = "default"')
