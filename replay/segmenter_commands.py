@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -13,6 +13,7 @@ def train_segmenter(
     data: list[Path] | None = None,
     *,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    evaluate: str | None = None,
     validate: list[Path] | None = None,
     held_out: float = 0.2,
     classes: Annotated[
@@ -29,12 +30,16 @@ def train_segmenter(
     run: Path | None = None,
     resume: bool = False,
     licence: str | None = None,
+    threshold: float = 0.9,
+    max_distance_m: float = 48.0,
+    pictures: Path | None = None,
+    report: Path | None = None,
     seed: int = 0,
     overwrite: bool = False,
     quiet: Annotated[bool, Parameter(alias="-q")] = False,
     format: Literal["text", "json"] = "text",
 ) -> int:
-    """Train PoleNet on labelled pictures, and on street scenes that it paints itself.
+    """Train PoleNet on labelled pictures and on street scenes that it paints itself; or say how good weights are.
 
     DATA are folders of labelme files (polygons, rectangles, masks), COCO files, or folders with NAME.jpg beside
     NAME.png of instance ids: 0 background, 255 not judged, else one number a pole. A fifth of each is held out,
@@ -50,12 +55,17 @@ def train_segmenter(
 
         scpf train segmenter campus simulated/instances.json --validate campus_other_day -o campus.safetensors
 
+        scpf train segmenter --evaluate campus.safetensors campus_other_day --pictures false_positives
+
     Parameters
     ----------
     data
         Labelled pictures; each folder or file is drawn from equally often, whatever its size.
     output
         The weights to write (.safetensors).
+    evaluate
+        Train nothing: print the figures of these weights, or of a segmenter by name, on DATA: COCO's mask and box AP,
+        precision and recall, thickness error, by distance and visibility where the labels say them.
     validate
         Pictures to judge by; nothing of DATA is held out then. Take another drive: the frames of one resemble each
         other.
@@ -85,6 +95,14 @@ def train_segmenter(
         Go on with the training in the run folder, with the same options.
     licence
         The licence of the weights, to be written into them.
+    threshold
+        With --evaluate: the score from which on a detection counts in precision and recall.
+    max_distance_m
+        With --evaluate: poles further away need not be found.
+    pictures
+        With --evaluate: draw each false positive into this new folder.
+    report
+        Also write all figures to this JSON file.
     seed
         Seed of split, weights, crops and augmentation.
     overwrite
@@ -95,75 +113,58 @@ def train_segmenter(
         How to print the figures on stdout.
     """
     import json
-    import shutil
-    from dataclasses import asdict
-    from importlib.metadata import version
 
     from scpf.ingest.labelled_folders import DEFAULT_CLASSES
-    from scpf.models import devices, polenet
+    from scpf.models import devices
     from scpf.models.errors import InputError, UsageError
-    from scpf.models.polenet_training import BEST, STATE, TrainingSettings, train
+    from scpf.models.polenet_training import TrainingSettings
+    from scpf.models.segmentation_evaluation import EvaluationSettings
     from scpf.replay.segmenter_data import gather
-    from scpf.replay.training_run import TrainingRun
+    from scpf.replay.segmenter_evaluation import evaluate_segmenter, table
+    from scpf.replay.segmenter_training import run_training
 
-    if output is None:
-        raise UsageError("no --output", "name the weights to write: -o NAME.safetensors")
-    if scenes < 0 or steps < 1 or minutes <= 0 or patience < 0 or workers < 1:
-        raise UsageError(
-            "--steps, --minutes and --workers are positive, --scenes and --patience not negative"
-        )
-    if not 0 < held_out < 1:
-        raise UsageError(f"--held-out {held_out:g}: a share between 0 and 1")
-    if output.exists() and not overwrite and not resume:
-        raise InputError(f"{output} exists", "use --overwrite, or another --output")
-
-    def report(line: str) -> None:
+    def say(line: str) -> None:
         if not quiet:
             print(line, file=sys.stderr, flush=True)
 
-    chosen = devices.choose(device)
+    def show(document: dict[str, Any], text: str) -> int:
+        whole = json.dumps(document, indent=1, allow_nan=False)
+        if report is not None:
+            partial = report.with_name(report.name + ".partial")
+            partial.write_text(whole + "\n")
+            partial.replace(report)
+        print(whole if format == "json" else text)
+        return 0
+
+    for path in (output, report):
+        if path is not None and path.exists() and not overwrite and not resume:
+            raise InputError(f"{path} exists", "use --overwrite, or another name")
     wanted = tuple(classes or DEFAULT_CLASSES)
+    if evaluate is not None:
+        if output is not None:
+            raise UsageError("--evaluate writes no weights", "leave --output out; --report takes the figures")
+        asked = EvaluationSettings(threshold=threshold, max_distance_m=max_distance_m)
+        document = evaluate_segmenter(evaluate, list(data or []), wanted, asked, pictures, say)
+        return show(document, table(document))
+    if output is None:
+        raise UsageError("no --output", "name the weights to write: -o NAME.safetensors")
+    if scenes < 0 or steps < 1 or minutes <= 0 or patience < 0 or workers < 1 or not 0 < held_out < 1:
+        raise UsageError(
+            "--steps, --minutes and --workers are positive, --scenes and --patience not negative, "
+            "--held-out is a share between 0 and 1"
+        )
+    chosen = devices.choose(device)
     painted = (scenes, scenes_folder)
-    pictures = gather(list(data or []), list(validate or []), wanted, held_out, seed, painted, report)
-    report(f"{pictures.counted}, on {chosen}")
+    gathered = gather(list(data or []), list(validate or []), wanted, held_out, seed, painted, say)
+    say(f"{gathered.counted}, on {chosen}")
     settings = TrainingSettings(
         steps=steps, limit_s=60 * minutes, patience=patience, start=start, device=chosen.type, workers=workers
     )
-    configuration = {
-        "scpf": version("scpf"),
-        "seed": seed,
-        "classes": wanted,
-        "pictures": pictures.names,
-        **asdict(settings),
-        "start": None if start is None else str(start),
-        "limit_s": None if minutes == float("inf") else 60 * minutes,
-    }
     folder = run or output.with_name(f"{output.stem}_run")
-    opened = TrainingRun(folder, configuration, resume=resume, overwrite=overwrite, files=(BEST, STATE))
-    if not opened.has_tensorboard:
-        report("curves as CSV alone: TensorBoard's need scpf[train]")
-    about = polenet.WeightsInfo(
-        f"{pictures.counted} (seed {seed}, at most {steps} steps)",
-        licence=licence or ("not stated" if data else "Apache-2.0"),
+    licence = licence or ("not stated" if data else "Apache-2.0")
+    info = run_training(
+        gathered, wanted, output, folder, settings, seed, licence, say, resume=resume, overwrite=overwrite
     )
-    try:
-        info = train(
-            pictures.training, pictures.held_out, folder, settings, seed, about,
-            resume=resume, report=report, curves=opened.curves,
-        )  # fmt: skip
-    except KeyboardInterrupt:
-        report(f"{folder} holds the best weights so far ({BEST}); go on with --resume")
-        raise
-    finally:
-        opened.close()
-    partial = output.with_name(output.name + ".partial")
-    shutil.copyfile(folder / BEST, partial)
-    partial.replace(output)
-    if format == "json":
-        document = {"output": str(output), "run": str(folder), "figures": dict(info.figures)}
-        print(json.dumps(document, indent=1))
-    else:
-        for name, value in info.figures.items():
-            print(f"{name:<32} {value:.3f}")
-        print(output)
-    return 0
+    document = {"output": str(output), "run": str(folder), "figures": dict(info.figures)}
+    lines = [f"{name:<32} {value:.3f}" for name, value in info.figures.items()]
+    return show(document, "\n".join([*lines, str(output)]))
