@@ -48,10 +48,17 @@ COMMANDS: Final = (
         "calibrate_command:calibrate",
         "Pictures of a chessboard become a calibration.",
     ),
+    (
+        "Drive logs",
+        "simulate",
+        "simulate_command:simulate",
+        "Render a simulated bus ride, with the truth, as a drive log.",
+    ),
     ("Drive logs", "convert", "convert_command:convert", "Convert ROS bags to MCAP."),
     ("Drive logs", "info", "ingest_commands:info", "What a log holds: topics, counts, rates, gaps."),
     ("Drive logs", "doctor", "doctor_command:doctor", "What is wrong with a log, or with this machine."),
     ("Drive logs", "recover", "recover_command:recover", "Save what can be read of a damaged log."),
+    ("Drive logs", "label", "label_command:label", "Suggest masks on frames, as labelme files to correct."),
     ("Drive logs", "export", "export_command:export", "The reference trajectory as TUM, EuRoC or KITTI."),
 )
 SUBCOMMANDS: Final = (
