@@ -20,6 +20,7 @@ from scpf.replay import overlays, shapes
 from scpf.replay.blueprint import MAP_ASPECT, Extent, layout
 from scpf.replay.recording_camera import log_image, log_instances
 from scpf.replay.recording_style import TRUE_DISTANCE, log_map, log_style, log_surface_style, timing_style
+from scpf.replay.row_batches import RowBatches
 from scpf.replay.step import Frame, Step, Surface
 
 Array = NDArray[np.float64]
@@ -75,6 +76,7 @@ class Recording:
             "scpf", recording_id=identity, send_properties=False, batcher_config=batches
         )
         self._rec.set_log_time_enabled(False)
+        self._rows = RowBatches(self._rec)
         size = (camera.width_px, camera.height_px) if camera else None
         try:
             self._rec.save(self.partial_path, default_blueprint=layout(size, _extent(road_map)))
@@ -94,6 +96,7 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._rows.send()
         self._rec.flush()
         self._rec.disconnect()  # writes the footer
         if kind is None:
@@ -103,9 +106,11 @@ class Recording:
         """Add one step at its frame's index and stamp."""
         self._rec.set_time("frame", sequence=step.frame.index)
         self._rec.set_time("time", timestamp=np.datetime64(step.frame.stamp_ns, "ns"))
+        self._rows.at(step.frame.index, step.frame.stamp_ns)
         if self._images:
             log_image(self._rec, step.frame)
-        log_instances(self._rec, step, self._classes, self._camera.height_px if self._camera else None)
+        height_px = self._camera.height_px if self._camera else None
+        log_instances(self._rec, self._rows, step, self._classes, height_px)
         self._log_reference(step.frame, step.belief)
         if step.belief is not None:
             self._log_belief("world/estimate", step.belief)
@@ -118,6 +123,7 @@ class Recording:
         self._log_numbers(step)
         self._unflushed += 1
         if self._unflushed == FLUSH_EVERY:  # a killed process keeps what was flushed
+            self._rows.send()
             self._rec.flush()
             self._unflushed = 0
 
@@ -125,7 +131,7 @@ class Recording:
         pose = frame.T_map_body
         ahead: Array | None
         if frame.gps_m is not None:
-            self._rec.log("world/gps", rr.Points3D.from_fields(positions=shapes.on_ground(frame.gps_m[None])))
+            self._rows.add("world/gps", rr.Points3D.columns, positions=shapes.on_ground(frame.gps_m[None]))
         if pose is not None:
             here, ahead = pose[:2, 3], pose[:2, 0]
             self._arrow("world/truth", here, ahead)
@@ -133,28 +139,29 @@ class Recording:
             here, ahead = belief.mean[:2], _direction(belief)
         else:
             return
-        self._rec.log("world/ego", rr.Transform3D(translation=(*here, 0.0)))
+        self._rows.add("world/ego", rr.Transform3D.columns, translation=[(*here, 0.0)])
         if self._camera is not None and ahead is not None:
             wedge = shapes.view_wedge(self._camera, here, ahead)
-            self._rec.log("world/view", rr.LineStrips3D.from_fields(strips=[wedge]))
+            self._rows.add("world/view", rr.LineStrips3D.columns, strips=[wedge])
 
     def _log_belief(self, entity: str, belief: Belief) -> None:
         self._arrow(entity, belief.mean[:2], _direction(belief))
         ellipse = shapes.ellipse(belief.mean, belief.covariance)
-        self._rec.log(f"{entity}/sigma2", rr.LineStrips3D.from_fields(strips=[ellipse]))
+        self._rows.add(f"{entity}/sigma2", rr.LineStrips3D.columns, strips=[ellipse])
 
     def _arrow(self, entity: str, position: Array, heading: Array | None, length_m: float = 5.0) -> None:
         """A pose as an arrow, and one piece of its trail."""
         vector = np.zeros(2) if heading is None else heading * length_m
-        arrow = rr.Arrows3D.from_fields(
+        self._rows.add(
+            f"{entity}/pose",
+            rr.Arrows3D.columns,
             origins=shapes.on_ground(position[None], ABOVE_PARTICLES_M),
             vectors=shapes.on_ground(vector[None]),
         )
-        self._rec.log(f"{entity}/pose", arrow)
         before = self._before.get(entity, position)
         self._before[entity] = position
         piece = shapes.on_ground(np.array([before, position]))
-        self._rec.log(f"{entity}/trail", rr.LineStrips3D.from_fields(strips=[piece]))
+        self._rows.add(f"{entity}/trail", rr.LineStrips3D.columns, strips=[piece])
 
     def _log_particles(self, belief: Belief) -> None:
         weights = belief.weights.astype(np.float32)
@@ -176,16 +183,17 @@ class Recording:
             entity = f"gpr/{part}"
             colour = self._classes.colour_of(name)
             self._name_once(f"{entity}/true", TRUE_DISTANCE)
-            measured = rr.Measurements(
-                [distance.mean_m], variances=[distance.variance_m2], names=name, colors=colour
-            )
-            self._rec.log(entity, measured)
+            self._name_once(entity, rr.Measurements.from_fields(names=[name], colors=[colour]))
+            spread = [distance.variance_m2]
+            columns = rr.Measurements.columns
+            self._rows.add(entity, columns, values=[distance.mean_m], variances=spread)
             if truth is not None:
-                self._rec.log(f"{entity}/true", rr.Scalars(truth))
-                off = rr.Measurements(
-                    [distance.mean_m - truth], variances=[distance.variance_m2], names=name, colors=colour
+                self._scalar(f"{entity}/true", truth)
+                self._name_once(
+                    f"distance_error/{part}", rr.Measurements.from_fields(names=[name], colors=[colour])
                 )
-                self._rec.log(f"distance_error/{part}", off)
+                off = [distance.mean_m - truth]
+                self._rows.add(f"distance_error/{part}", columns, values=off, variances=spread)
             if name in self._landmarks:
                 rings.append(shapes.ring(self._landmarks[name], distance.mean_m))
                 ids.append(self._classes.class_of(name))
@@ -193,7 +201,7 @@ class Recording:
             for group in ("gpr", "distance_error"):
                 self._scalar(f"{group}/{rr.escape_entity_path_part(name)}", None)
         self._distances = seen
-        self._rec.log("world/rings", rr.LineStrips3D.from_fields(strips=rings, class_ids=ids))
+        self._rows.add("world/rings", rr.LineStrips3D.columns, strips=rings, class_ids=ids)
 
     def _log_surface(self, surface: Surface) -> None:
         rows, columns = surface.violation.shape
@@ -210,10 +218,10 @@ class Recording:
         ):
             grid = rr.GridMap.from_fields(data=values[::-1].astype(np.float16).tobytes(), translation=corner)
             self._rec.log(f"world/surface/{name}", grid)
-            at = rr.Points3D.from_fields(positions=shapes.cell_centre(surface, best))
-            self._rec.log(f"world/surface/{name}/{marker}", at)
-        self._rec.log("surface/peak", rr.Scalars(peak))
-        self._rec.log("surface/minimum", rr.Scalars(lowest))
+            at = shapes.cell_centre(surface, best)
+            self._rows.add(f"world/surface/{name}/{marker}", rr.Points3D.columns, positions=at)
+        self._scalar("surface/peak", peak)
+        self._scalar("surface/minimum", lowest)
 
     def _log_numbers(self, step: Step) -> None:
         errors, baseline = step.errors, step.baseline_errors
@@ -245,7 +253,7 @@ class Recording:
         if value is None or not np.isfinite(value):
             self._rec.log(entity, rr.Clear(recursive=False))
         else:
-            self._rec.log(entity, rr.Scalars(value))
+            self._rows.add(entity, rr.Scalars.columns, scalars=[value])
 
 
 def _direction(belief: Belief) -> Array | None:

@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 
 from scpf.replay import overlays
+from scpf.replay.row_batches import RowBatches
 from scpf.replay.step import Frame, Step
 
 LOWEST_LABEL: Final = 0.93
@@ -25,7 +26,11 @@ def log_image(rec: rr.RecordingStream, frame: Frame) -> None:
 
 
 def log_instances(
-    rec: rr.RecordingStream, step: Step, classes: overlays.LandmarkClasses, height_px: int | None
+    rec: rr.RecordingStream,
+    rows: RowBatches,
+    step: Step,
+    classes: overlays.LandmarkClasses,
+    height_px: int | None,
 ) -> None:
     """Masks, outlines and labels; what a frame does not have is cleared, or the last one stays on screen."""
     instances = [*(observation.instance for observation in step.observations), *step.unmeasured]
@@ -40,14 +45,12 @@ def log_instances(
     strips = [overlays.outlines(instance.mask, instance.offset_px) for instance in instances]
     ids = [number for number, parts in zip(numbers, strips, strict=True) for _ in parts]
     joined = [part for parts in strips for part in parts]
-    rec.log("camera/outlines", rr.LineStrips2D.from_fields(strips=joined, class_ids=ids))
+    rows.add("camera/outlines", rr.LineStrips2D.columns, strips=joined, class_ids=ids)
     boxes = np.array([instance.box_px for instance in instances], dtype=np.float32).reshape(-1, 4)
     lowest = LOWEST_LABEL * height_px if height_px else np.inf
     feet = np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, np.minimum(boxes[:, 3], lowest)])
     texts, shown = overlays.labels(step), overlays.worth_reading(step)
     for entity, wanted in (("camera/labels", True), ("camera/labels_on_hover", False)):
         chosen = [k for k in range(len(texts)) if shown[k] is wanted]
-        points = rr.Points2D.from_fields(
-            positions=feet[chosen], labels=[texts[k] for k in chosen], class_ids=[numbers[k] for k in chosen]
-        )
-        rec.log(entity, points)
+        labels, classes_shown = [texts[k] for k in chosen], [numbers[k] for k in chosen]
+        rows.add(entity, rr.Points2D.columns, positions=feet[chosen], labels=labels, class_ids=classes_shown)

@@ -224,10 +224,13 @@ def _to_instances(stamp_ns: int, instances: tuple[Instance, ...]) -> list[Any]:
 
 
 def _to_pose_with_covariance(stamp_ns: int, position_m: Array, yaw_rad: float, covariance: Array) -> Any:
-    pose = np.eye(4)
-    pose[:2, :2] = [[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]]
-    pose[:2, 3] = position_m
-    inner = messages.make(
-        "geometry_msgs/msg/PoseWithCovariance", pose=messages.to_pose(pose), covariance=covariance
+    x, y = (float(value) for value in position_m)
+    half = (yaw_rad + np.pi) % (2 * np.pi) / 2 - np.pi / 2  # of a yaw in −π … π, so that w ≥ 0
+    turn = {"x": 0.0, "y": 0.0, "z": float(np.sin(half)), "w": float(np.cos(half))}
+    pose = messages.make(
+        "geometry_msgs/msg/Pose",
+        position=messages.make("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
+        orientation=messages.make("geometry_msgs/msg/Quaternion", **turn),
     )
+    inner = messages.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=covariance)
     return messages.make(POSE_WITH_COVARIANCE, header=messages.to_header(stamp_ns, "map"), pose=inner)
