@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.road_map import Landmark, RoadMap
-from scpf.models.survey_errors import lasting, scales
+from scpf.models.survey_errors import Seen, common_bearing, lasting, scales
 from scpf.models.survey_fit import FitSettings, Located, Sights, locate
 from scpf.models.survey_matching import DOUBTFUL, NO_LANDMARK, Places, match
 
@@ -31,12 +31,14 @@ LEAST_PLACE_DEVIATION_M: Final = 0.1
 class SurveySettings:
     """``map_deviation_m``: how far the old map may be off, an axis.
 
+    ``mounting_deviation_rad``: how far directions may be off, all of them alike.
     A landmark that fewer than ``fewest`` sightings show, or that they place worse than the old map, keeps its old
     position. ``rival_gap``: a sighting that another landmark, or another sighting of its frame, fits nearly as well
     (by so much in squared deviations) is left out.
     """
 
     map_deviation_m: float = 1.5
+    mounting_deviation_rad: float = float(np.radians(0.5))
     fewest: int = 15
     rival_gap: float = 6.0
     fit: FitSettings = field(default_factory=FitSettings)
@@ -64,9 +66,10 @@ class Surveyed:
 class Survey:
     """The surveyed map; ``landmarks`` run in parallel with its own.
 
-    ``unmatched`` sightings fit no landmark, ``doubtful`` ones more than one. ``range_scale`` and ``bearing_scale``: how
-    much larger than stated the deviations were found to be, 1 where they were not; ``range_share``, ``bearing_share``:
-    how much of their variances lasts. The map's variances know about all four.
+    ``unmatched`` sightings fit no landmark, ``doubtful`` ones more than one. ``turned_rad``: by how much all directions
+    were found to point too far to the left, and ``turned_deviation_rad`` of it; the map is free of it. ``range_scale``
+    and ``bearing_scale``: how much larger than stated the deviations were found to be, 1 where they were not;
+    ``range_share``, ``bearing_share``: how much of their variances lasts. The map's variances know about all of them.
     """
 
     road_map: RoadMap
@@ -77,6 +80,8 @@ class Survey:
     bearing_scale: float
     range_share: float
     bearing_share: float
+    turned_rad: float
+    turned_deviation_rad: float
 
 
 def survey(sights: Sights, road_map: RoadMap, settings: SurveySettings | None = None) -> Survey:
@@ -88,24 +93,27 @@ def survey(sights: Sights, road_map: RoadMap, settings: SurveySettings | None = 
     places = Places(old, np.maximum(stated, settings.map_deviation_m), classes)
     fit = settings.fit
 
-    located, matched = _round(sights, places, settings, fit)
-    times = [sights.times_s[matched == k] for k, each in enumerate(located) if each is not None]
-    residuals = [each.residuals for each in located if each is not None]
-    range_scale, bearing_scale = scales(residuals)
-    fit = lasting(times, [each / (range_scale, bearing_scale) for each in residuals], fit)
-    fit = replace(fit, bearing_deviation_rad=bearing_scale * fit.bearing_deviation_rad)
-    sights = sights.stretched(range_scale)
-    located, matched = _round(sights, _placed(places, located, settings), settings, fit)
+    seen, _, _ = _round(sights, places, settings, fit)
+    first, _ = common_bearing(seen, fit, settings.mounting_deviation_rad)
+    sights = sights.turned(-first)
 
+    seen, located, _ = _round(sights, places, settings, fit)
+    range_scale, bearing_scale = scales(seen)
+    fit = lasting(seen, (range_scale, bearing_scale), fit)
+    fit = replace(fit, bearing_deviation_rad=bearing_scale * fit.bearing_deviation_rad)
+    wider = [(mine.stretched(range_scale), each) for mine, each in seen]
+    second, deviation = common_bearing(wider, fit, settings.mounting_deviation_rad)
+    fit = replace(fit, common_bearing_rad=deviation)
+    sights = sights.stretched(range_scale).turned(-second)
+
+    _, located, matched = _round(sights, _placed(places, located, settings), settings, fit)
     marks, rows = [], []
     for mark, old_m, each in zip(road_map.landmarks, old, located, strict=True):
         new, row = _conclude(mark, old_m, each, settings)
         marks.append(new)
         rows.append(row)
     return Survey(
-        replace(
-            road_map, landmarks=tuple(marks), _segments={}
-        ),  # a segment belongs to a landmark's old place
+        replace(road_map, landmarks=tuple(marks), _segments={}),  # segments belong to the old places
         tuple(rows),
         int((matched == NO_LANDMARK).sum()),
         int((matched == DOUBTFUL).sum()),
@@ -113,19 +121,24 @@ def survey(sights: Sights, road_map: RoadMap, settings: SurveySettings | None = 
         bearing_scale,
         fit.ranges.share,
         fit.bearings.share,
+        first + second,
+        deviation,
     )
 
 
 def _round(
     sights: Sights, places: Places, settings: SurveySettings, fit: FitSettings
-) -> tuple[list[Located | None], NDArray[np.intp]]:
+) -> tuple[list[Seen], list[Located | None], NDArray[np.intp]]:
     """Match the sightings to ``places``, then locate each landmark; None for one that nothing shows."""
     matched = match(sights, places, fit.bearing_deviation_rad, fit.gate, settings.rival_gap)
-    located: list[Located | None] = []
+    seen: list[Seen] = []
+    located: list[Located | None] = [None] * len(places.positions_m)
     for k, start_m in enumerate(places.positions_m):
-        mine = np.flatnonzero(matched == k)
-        located.append(locate(sights.rows(mine), start_m, fit) if len(mine) else None)
-    return located, matched
+        mine = sights.rows(matched == k)
+        if len(mine):
+            found = located[k] = locate(mine, start_m, fit)
+            seen.append((mine, found))
+    return seen, located, matched
 
 
 def _placed(places: Places, located: Sequence[Located | None], settings: SurveySettings) -> Places:

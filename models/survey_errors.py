@@ -1,4 +1,4 @@
-"""How large errors of ranges and directions really are, and how much of them lasts: told by all residuals."""
+"""What all landmarks' residuals tell of errors: how large they are, how much lasts, what directions have in common."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.models.survey_fit import FitSettings, Lasting
+from scpf.models.survey_fit import FitSettings, Lasting, Located, Sights, jacobian, misses, shares
 
 Array = NDArray[np.float64]
+Seen = tuple[Sights, Located]
+"""The sightings of a landmark, and where they place it."""
 
 MEDIAN_TO_DEVIATION: Final = 1.4826
 """Of a normal distribution's median absolute value."""
@@ -20,27 +22,49 @@ LARGEST: Final = 3.0
 """In deviations: a single outlier says nothing about how long the others last."""
 
 
-def scales(residuals: Sequence[Array]) -> tuple[float, float]:
-    """How many times as large as stated deviations of ranges and directions are; at least 1.
+def common_bearing(seen: Sequence[Seen], settings: FitSettings, deviation_rad: float) -> tuple[float, float]:
+    """The error (rad) that all directions share, and its deviation, by the landmarks' sightings and fits.
 
-    ``residuals``: (N, 2) of each landmark, in the stated deviations.
+    Where a landmark is seen from far and near, an error of every direction leaves residuals that no position removes.
+    With rows J, weights w and residuals e of a landmark, the residuals of its best position follow e − b·g, g = 1/σ for
+    directions and 0 for ranges; so gᵀPe = b·gᵀPg, P = W − WJ(JᵀWJ)⁻¹JᵀW. ``deviation_rad`` is believed of b beforehand.
     """
-    if not residuals:
+    told, known = 0.0, deviation_rad**-2
+    for sights, located in seen:
+        mine = sights.rows(located.kept)
+        rows = jacobian(mine, located.position_m, settings).reshape(-1, 2)
+        weights = shares(mine, settings).ravel()
+        information = rows.T @ (weights[:, None] * rows)
+        if np.linalg.cond(information) > 1e12:
+            continue
+        g = np.tile([0.0, 1.0 / settings.bearing_deviation_rad], len(mine))
+        shown = rows @ np.linalg.solve(information, rows.T @ (weights * g))
+        left = weights * (g - shown)
+        told -= float(left @ misses(mine, located.position_m, settings).ravel())
+        known += float(left @ g)
+    return told / known, float(known**-0.5)
+
+
+def scales(seen: Sequence[Seen]) -> tuple[float, float]:
+    """How many times as large as stated the deviations of ranges and directions are; at least 1."""
+    if not seen:
         return 1.0, 1.0
-    found = np.maximum(MEDIAN_TO_DEVIATION * np.median(np.abs(np.concatenate(residuals)), axis=0), 1.0)
+    sizes = np.abs(np.concatenate([located.residuals for _, located in seen]))
+    found = np.maximum(MEDIAN_TO_DEVIATION * np.median(sizes, axis=0), 1.0)
     return float(found[0]), float(found[1])
 
 
-def lasting(times_s: Sequence[Array], residuals: Sequence[Array], settings: FitSettings) -> FitSettings:
+def lasting(seen: Sequence[Seen], scale: tuple[float, float], settings: FitSettings) -> FitSettings:
     """``settings`` with the shares that last, out of pairs of residuals half that time apart.
 
-    ``times_s``: (N,), ascending, and ``residuals``: (N, 2), in their deviations, of each landmark. With few such
-    pairs the shares stay.
+    ``scale``: as ``scales`` finds. With few such pairs the shares stay.
     """
+    times = [sights.times_s for sights, _ in seen]
+    ranges, bearings = ([located.residuals[:, k] / scale[k] for _, located in seen] for k in (0, 1))
     return replace(
         settings,
-        ranges=_measured(times_s, [each[:, 0] for each in residuals], settings.ranges),
-        bearings=_measured(times_s, [each[:, 1] for each in residuals], settings.bearings),
+        ranges=_measured(times, ranges, settings.ranges),
+        bearings=_measured(times, bearings, settings.bearings),
     )
 
 

@@ -49,6 +49,10 @@ class Sights:
         """The same with range deviations ``scale`` times as large."""
         return replace(self, variances_m2=scale**2 * self.variances_m2)
 
+    def turned(self, angle_rad: float) -> Sights:
+        """The same with all directions turned to the left."""
+        return replace(self, directions_rad=self.directions_rad + angle_rad)
+
 
 @dataclass(frozen=True)
 class Lasting:
@@ -65,13 +69,15 @@ class Lasting:
 class FitSettings:
     """``bearing_deviation_rad``: of the directions, the pose's own heading included, at best.
 
-    ``ranges``, ``bearings``: how their errors last. ``gate``: a sighting whose range and direction together miss by
-    more (χ², 2 degrees of freedom) is rejected.
+    ``common_bearing_rad``: deviation of an error that all directions share, such as the camera's mounting. ``ranges``,
+    ``bearings``: how their own errors last. ``gate``: a sighting whose range and direction together miss by more (χ², 2
+    degrees of freedom) is rejected.
     """
 
     bearing_deviation_rad: float = float(np.radians(0.2))
     ranges: Lasting = field(default_factory=Lasting)
     bearings: Lasting = field(default_factory=Lasting)
+    common_bearing_rad: float = 0.0
     gate: float = 13.8
 
 
@@ -100,13 +106,13 @@ def locate(sights: Sights, start_m: Array, settings: FitSettings) -> Located:
     kept = np.ones(len(sights), dtype=np.bool_)
     position = _fit(sights, start_m, settings, "soft_l1")
     for _ in range(2):
-        agreeing = (_residuals(sights, position, settings) ** 2).sum(1) < settings.gate
+        agreeing = (misses(sights, position, settings) ** 2).sum(1) < settings.gate
         if not agreeing.any():
             break
         kept = agreeing
         position = _fit(sights.rows(kept), position, settings, "linear")
     covariance, effective = _covariance(sights.rows(kept), position, settings)
-    return Located(position, covariance, _residuals(sights, position, settings), kept, effective)
+    return Located(position, covariance, misses(sights, position, settings), kept, effective)
 
 
 def effective_number(times_s: Array, lasting: Lasting) -> float:
@@ -119,7 +125,7 @@ def _fit(sights: Sights, start_m: Array, settings: FitSettings, loss: str) -> Ar
     """The position (2,) of least loss."""
     from scipy.optimize import least_squares
 
-    share = _shares(sights, settings).ravel()
+    share = shares(sights, settings).ravel()
 
     def counted(squared: Array) -> Array:
         """The loss and its two derivatives (3, 2N), each row as much as its share of independent sightings."""
@@ -129,22 +135,22 @@ def _fit(sights: Sights, start_m: Array, settings: FitSettings, loss: str) -> Ar
         return share * np.stack([2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3])
 
     found = least_squares(
-        lambda position: _residuals(sights, position, settings).ravel(),
+        lambda position: misses(sights, position, settings).ravel(),
         start_m,
-        jac=lambda position: _jacobian(sights, position, settings).reshape(-1, 2),
+        jac=lambda position: jacobian(sights, position, settings).reshape(-1, 2),
         loss=counted,
     )
     position: Array = found.x
     return position
 
 
-def _shares(sights: Sights, settings: FitSettings) -> Array:
+def shares(sights: Sights, settings: FitSettings) -> Array:
     """What part (N, 2) of an independent sighting each range and each direction is."""
     kinds = (settings.ranges, settings.bearings)
     return np.tile([effective_number(sights.times_s, kind) / len(sights) for kind in kinds], (len(sights), 1))
 
 
-def _residuals(sights: Sights, position_m: Array, settings: FitSettings) -> Array:
+def misses(sights: Sights, position_m: Array, settings: FitSettings) -> Array:
     """Expected minus measured range and direction (N, 2), in their deviations."""
     ahead, seen = position_m - sights.ranged_from_m, position_m - sights.seen_from_m
     off_m = np.hypot(*ahead.T) - sights.distances_m
@@ -152,7 +158,7 @@ def _residuals(sights: Sights, position_m: Array, settings: FitSettings) -> Arra
     return np.column_stack([off_m / np.sqrt(sights.variances_m2), off_rad / settings.bearing_deviation_rad])
 
 
-def _jacobian(sights: Sights, position_m: Array, settings: FitSettings) -> Array:
+def jacobian(sights: Sights, position_m: Array, settings: FitSettings) -> Array:
     """Derivatives (N, 2, 2) of the residuals by the position."""
     ahead, seen = position_m - sights.ranged_from_m, position_m - sights.seen_from_m
     unit = ahead / np.maximum(np.hypot(*ahead.T), NEAREST_M)[:, None]
@@ -166,9 +172,9 @@ def _covariance(sights: Sights, position_m: Array, settings: FitSettings) -> tup
     """Covariance (2, 2) of the least-squares position, and the effective number of ranges.
 
     With rows J_i and shares w_i, the position's error is A⁻¹ Σ w_i J_i e_i, A = Σ w_i J_i J_iᵀ; hence A⁻¹ B A⁻¹ with
-    B = Σ w_i w_j ρ_ij J_i J_jᵀ over pairs of ranges and pairs of directions.
+    B = Σ w_i w_j ρ_ij J_i J_jᵀ over pairs of ranges and pairs of directions, and what directions have in common.
     """
-    rows, share = _jacobian(sights, position_m, settings), _shares(sights, settings)
+    rows, share = jacobian(sights, position_m, settings), shares(sights, settings)
     pulls = share[:, :, None] * rows
     information = np.einsum("nka,nkb->ab", pulls, rows)
     effective = float(share[:, 0].sum())
@@ -176,6 +182,8 @@ def _covariance(sights: Sights, position_m: Array, settings: FitSettings) -> tup
         return np.diag([np.inf, np.inf]), effective
     spread = _spread(pulls[:, 0], sights.times_s, settings.ranges)
     spread += _spread(pulls[:, 1], sights.times_s, settings.bearings)
+    common = pulls[:, 1].sum(0) * settings.common_bearing_rad / settings.bearing_deviation_rad
+    spread += np.outer(common, common)
     inverse = np.linalg.inv(information)
     covariance: Array = inverse @ spread @ inverse.T
     return covariance, effective

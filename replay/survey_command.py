@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
-from math import radians
+from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -119,6 +119,11 @@ def _as_text(output: Path, found: SurveyInput, result: Survey) -> str:
     lines.append(f"{found.frames} frames, {len(found.sights)} sightings")
     lines.append(_errors("ranges", result.range_scale, result.range_share))
     lines.append(_errors("directions", result.bearing_scale, result.bearing_share))
+    turned, deviation = degrees(result.turned_rad), degrees(result.turned_deviation_rad)
+    side = "left" if turned > 0.0 else "right"
+    lines.append(
+        f"all directions pointed {abs(turned):.2f}° ± {deviation:.2f}° too far to the {side}: taken out"
+    )
     left_out = {"fit no landmark": result.unmatched, "fit two landmarks, or two fit one": result.doubtful}
     lines += [f"left out: {n} × {why}" for why, n in {**found.dropped, **left_out}.items() if n]
     lines.append(f"{output}: {moved} of {len(result.landmarks)} landmarks surveyed, the others as they were")
@@ -143,6 +148,8 @@ def _as_dict(output: Path, found: SurveyInput, result: Survey) -> dict[str, Any]
         "bearing_scale": result.bearing_scale,
         "range_share": result.range_share,
         "bearing_share": result.bearing_share,
+        "turned_deg": degrees(result.turned_rad),
+        "turned_deviation_deg": degrees(result.turned_deviation_rad),
         "landmarks": [asdict(row) for row in result.landmarks],
     }
 

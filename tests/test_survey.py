@@ -51,7 +51,7 @@ def test_the_covariance_is_the_spread_of_many_draws() -> None:
     generator = rng(2)
     draws = [
         locate(drive(pole, Noise(), generator)[0], pole[0] + np.array([1.0, -1.0]), settings)
-        for _ in range(250)
+        for _ in range(180)
     ]
     off = np.array([each.position_m for each in draws]) - pole[0]
     stated = np.mean([each.covariance_m2 for each in draws], axis=0)
@@ -69,7 +69,7 @@ def test_the_covariance_is_the_spread_of_many_draws() -> None:
 
 def test_a_wrong_map_is_put_right_within_its_own_deviations() -> None:
     errors, squared = [], []
-    for seed in range(6):
+    for seed in range(4):
         sights, _ = drive(POLES, Noise(), rng(seed))
         found = survey(sights, wrong_map(POLES, rng(100 + seed)))
         off = np.hypot(*(found.road_map.positions_m - POLES).T)
@@ -99,6 +99,18 @@ def test_deviations_that_are_stated_too_small_are_scaled() -> None:
     assert plain.range_scale == pytest.approx(1.0, abs=0.1)
     assert plain.bearing_scale == pytest.approx(1.0, abs=0.1)
     assert found.landmarks[3].deviation_m > 1.5 * plain.landmarks[3].deviation_m
+
+
+@pytest.mark.parametrize("turn_deg", [-0.4, 0.0, 0.6])
+def test_what_all_directions_are_off_is_found_and_taken_out(turn_deg: float) -> None:
+    sights, _ = drive(POLES, Noise(), rng(14))
+    found = survey(sights.turned(np.radians(turn_deg)), wrong_map(POLES, rng(15)))
+    off_deg, deviation_deg = np.degrees([found.turned_rad - np.radians(turn_deg), found.turned_deviation_rad])
+    assert abs(off_deg) < 3.0 * deviation_deg
+    assert deviation_deg < 0.2
+    off = np.hypot(*(found.road_map.positions_m - POLES).T)
+    assert off.mean() < 0.2
+    assert np.mean(off**2 / [mark.variance_m2 for mark in found.road_map.landmarks]) < 4.0  # 2 is right
 
 
 def test_outliers_are_rejected_and_change_nothing() -> None:
