@@ -103,7 +103,7 @@ def error_over_time(figure: Figure, plan: Plan, results: Sequence[Result], scena
             # What is lost without GPS is off by a hundred times what is not.
             axes.set(yscale="log", ylim=(LEAST_M, 1.5 * top))
         axes.grid(alpha=0.3)
-    panels[0].legend(ncols=len(COLOURS), loc="upper right")
+    figure.legend(*panels[0].get_legend_handles_labels(), ncols=len(COLOURS), loc="outside lower center")
     panels[-1].set_xlabel(
         "time since the first frame (s)" + "; grey: no GPS" * bool(plan.conditions.gps_outages_s)
     )
