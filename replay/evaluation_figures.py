@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scpf.models.errors import InputError
 from scpf.replay.distance_figures import COLOURS, DPI, check_matplotlib
@@ -23,8 +24,11 @@ from scpf.replay.protocol import Scenario
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Array = NDArray[np.float64]
+
 WIDTH_INCHES: Final = 7.2
 PANEL_INCHES: Final = 2.6
+MOST_POINTS: Final = 500
 LEAST_M: Final = 0.05
 OTHERS_PERCENT: Final = 99.5
 """Axes end here: a single frame of the first moments would flatten all others."""
@@ -84,6 +88,7 @@ def error_against_gps(figure: Figure, results: Sequence[Result]) -> None:
 
 def error_over_time(figure: Figure, plan: Plan, results: Sequence[Result], scenario: Scenario) -> None:
     """Error frame by frame on the first drive, a panel a GPS deviation: mean of the runs and 95 % of them."""
+    times_s = block_means(scenario.times_s)
     sigmas = sorted({result.sigma_m for result in results})
     figure.set_figheight(1.2 + PANEL_INCHES * len(sigmas))
     panels = figure.subplots(len(sigmas), 1, sharex=True, squeeze=False)[:, 0]
@@ -91,10 +96,9 @@ def error_over_time(figure: Figure, plan: Plan, results: Sequence[Result], scena
         mine = [result for result in results if result.sigma_m == sigma_m and result.drive == 0]
         for result, colour in zip(mine, COLOURS, strict=False):
             trace = result.trace
-            axes.fill_between(
-                scenario.times_s, trace.low_m, trace.high_m, color=colour, alpha=0.15, linewidth=0
-            )
-            axes.plot(scenario.times_s, trace.mean_m, color=colour, linewidth=0.9, label=result.preset)
+            mean, low, high = (block_means(values) for values in (trace.mean_m, trace.low_m, trace.high_m))
+            axes.fill_between(times_s, low, high, color=colour, alpha=0.15, linewidth=0)
+            axes.plot(times_s, mean, color=colour, linewidth=0.9, label=result.preset)
         for start_s, end_s in plan.conditions.gps_outages_s:
             axes.axvspan(start_s, min(end_s, scenario.times_s[-1]), color="0.85", zorder=0)
         top = max(float(np.percentile(result.trace.high_m, OTHERS_PERCENT)) for result in mine)
@@ -108,6 +112,17 @@ def error_over_time(figure: Figure, plan: Plan, results: Sequence[Result], scena
         "time since the first frame (s)" + "; grey: no GPS" * bool(plan.conditions.gps_outages_s)
     )
     figure.suptitle(f"{results[0].case}: mean of the runs, and 95 % of them")
+
+
+def block_means(values: Array) -> Array:
+    """Means of equally long blocks of values (K,), at most ``MOST_POINTS``; an unfinished last block is left out.
+
+    More points than pixels hide each other. Up to that many they stay as they are.
+    """
+    length = -(-len(values) // MOST_POINTS)
+    whole = len(values) // length * length
+    means: Array = values[:whole].reshape(-1, length).mean(axis=1)
+    return means
 
 
 def poles_in_sight(figure: Figure, scenarios: Scenarios) -> None:

@@ -15,7 +15,7 @@ from scpf.models.errors import MissingError, UsageError
 from scpf.replay.cli import run
 from scpf.replay.evaluation import evaluate
 from scpf.replay.evaluation_conditions import Conditions
-from scpf.replay.evaluation_figures import figure_paths
+from scpf.replay.evaluation_figures import block_means, figure_paths
 from scpf.replay.evaluation_outputs import Outputs
 from scpf.replay.evaluation_plan import Plan
 from scpf.replay.evaluation_scenarios import make_scenarios
@@ -81,6 +81,13 @@ def test_figures_are_pictures_and_show_what_was_computed(tmp_path: Path) -> None
         if (tmp_path / "other" / path.name).read_bytes() != path.read_bytes():
             changed.add(path.stem)
     assert changed == {"error_against_gps_S2", "error_over_time_S2"}
+
+
+def test_long_drives_are_drawn_as_means_of_blocks() -> None:
+    np.testing.assert_array_equal(block_means(np.arange(500.0)), np.arange(500.0))
+    means = block_means(np.arange(4003.0))
+    assert len(means) == 444
+    np.testing.assert_array_equal(means[:2], [4.0, 13.0])
 
 
 def test_the_surface_is_lowest_near_the_truth() -> None:
