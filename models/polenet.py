@@ -185,10 +185,26 @@ def save(path: Path, net: PoleNet, info: WeightsInfo) -> None:
         for name, value in net.state_dict().items()
         if not name.endswith("num_batches_tracked")
     }
-    metadata = {"format": FORMAT, "format_version": str(FORMAT_VERSION), "info": json.dumps(asdict(info))}
+    metadata = {"format": FORMAT, "format_version": str(FORMAT_VERSION), "info": write_info(info)}
     partial = path.with_name(path.name + ".partial")
     save_file(tensors, partial, metadata)
     partial.replace(path)
+
+
+def write_info(info: WeightsInfo) -> str:
+    """The description as JSON."""
+    return json.dumps(asdict(info))
+
+
+def read_info(path: Path, text: str) -> WeightsInfo:
+    """The description that `write_info` wrote into a file; raises InputError where it is damaged."""
+    try:
+        fields = json.loads(text)
+        fields["calibration"] = ScoreCalibration(**fields["calibration"])
+        fields["classes"] = tuple(fields["classes"])
+        return WeightsInfo(**fields)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: the description of the weights is damaged ({error})") from error
 
 
 def load(path: Path) -> tuple[PoleNet, WeightsInfo]:
@@ -211,13 +227,7 @@ def load(path: Path) -> tuple[PoleNet, WeightsInfo]:
     if metadata.get("format_version") != str(FORMAT_VERSION):
         found = metadata.get("format_version")
         raise InputError(f"{path}: weights format {found}, this scpf reads {FORMAT_VERSION}", "update scpf")
-    try:
-        fields = json.loads(metadata["info"])
-        fields["calibration"] = ScoreCalibration(**fields["calibration"])
-        fields["classes"] = tuple(fields["classes"])
-        info = WeightsInfo(**fields)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: the description of the weights is damaged ({error})") from error
+    info = read_info(path, metadata.get("info", ""))
     net = PoleNet()
     counters = {
         name: value for name, value in net.state_dict().items() if name.endswith("num_batches_tracked")

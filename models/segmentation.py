@@ -14,7 +14,9 @@ from scpf.models.errors import MissingError
 from scpf.models.instances import Image, Instance, Segmenter
 
 if TYPE_CHECKING:
-    from scpf.models.grouping import Candidate
+    from scpf.models.devices import DeviceName
+    from scpf.models.grouping import Candidate, ScoreCalibration
+    from scpf.models.maskrcnn_conventions import CheckpointSettings
     from scpf.models.polenet import PoleNet, WeightsInfo
 
 DEFAULT_THRESHOLD = 0.9
@@ -23,7 +25,12 @@ STRIDE_PX = 32  # the sides of the network's input are multiples of it
 PADDING_GREY = 115  # the mean of PoleNet's input: 0 after normalisation
 MASK_THRESHOLD = 0.5
 
-SEGMENTERS = {"polenet": "scpf.models.segmentation:load_polenet"}
+SEGMENTERS = {
+    "polenet": "scpf.models.segmentation:load_polenet",
+    "maskrcnn": "scpf.models.maskrcnn_segmenter:load",
+    "onnx": "scpf.models.onnx_segmenter:load",
+}
+WEIGHTS_SUFFIXES = (".safetensors", ".pth", ".pt", ".pkl", ".onnx")
 
 
 def load(
@@ -32,24 +39,43 @@ def load(
     threads: int | None = None,
     threshold: float = DEFAULT_THRESHOLD,
     bfloat16: bool = False,
+    device: DeviceName = "cpu",
+    checkpoint: CheckpointSettings | None = None,
 ) -> Segmenter:
-    """The segmenter of a name of `SEGMENTERS`, or of a path to PoleNet weights (``.safetensors``).
+    """The segmenter of a name of `SEGMENTERS`, or of a weights file (`WEIGHTS_SUFFIXES`), which tells whose it is.
 
     ``threads``: CPU threads for the network, for the whole process; by default as torch sets it.
     ``threshold``: instances of a lower score are left out. ``bfloat16``: half the time on a CPU that computes it
-    itself, at results that differ a little between machines. Raises MissingError and InputError.
+    itself, at results that differ a little between machines. ``checkpoint``: what a Mask R-CNN's weights do not say
+    of themselves. Raises MissingError and InputError.
     """
-    if str(name_or_path).endswith(".safetensors"):
-        return load_polenet(Path(name_or_path), threads=threads, threshold=threshold, bfloat16=bfloat16)
-    if str(name_or_path) not in SEGMENTERS:
-        known = ", ".join(SEGMENTERS)
-        raise MissingError(
-            f"no segmenter {str(name_or_path)!r}", f"one of {known}, or a path to .safetensors weights"
-        )
-    module, _, function = SEGMENTERS[str(name_or_path)].partition(":")
-    return cast(Callable[..., Segmenter], getattr(import_module(module), function))(
-        threads=threads, threshold=threshold, bfloat16=bfloat16
-    )
+    options: dict[str, Any] = {
+        "threads": threads, "threshold": threshold, "bfloat16": bfloat16, "device": device,
+    }  # fmt: skip
+    name = str(name_or_path)
+    if name.endswith(WEIGHTS_SUFFIXES):
+        options["path"] = Path(name_or_path)
+        name = network_of(options["path"])
+    if name not in SEGMENTERS:
+        known = f"one of {', '.join(SEGMENTERS)}, or weights ({', '.join(WEIGHTS_SUFFIXES)})"
+        raise MissingError(f"no segmenter {name!r}", known)
+    if name == "maskrcnn":
+        options["checkpoint"] = checkpoint
+    module, _, function = SEGMENTERS[name].partition(":")
+    return cast(Callable[..., Segmenter], getattr(import_module(module), function))(**options)
+
+
+def network_of(path: Path) -> str:
+    """The name in `SEGMENTERS` of the network that a weights file is for."""
+    if path.suffix != ".safetensors":
+        return "onnx" if path.suffix == ".onnx" else "maskrcnn"
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="numpy") as file:
+            return "maskrcnn" if any(name.startswith("backbone.") for name in file.keys()) else "polenet"  # noqa: SIM118
+    except (SafetensorError, OSError):
+        return "polenet"  # whose loader says what is wrong with the file
 
 
 def load_polenet(
@@ -58,16 +84,17 @@ def load_polenet(
     threads: int | None = None,
     threshold: float = DEFAULT_THRESHOLD,
     bfloat16: bool = False,
+    device: DeviceName = "cpu",
 ) -> PoleNetSegmenter:
     """PoleNet with the weights of ``path``, by default those that come with scpf."""
     import torch
 
-    from scpf.models import polenet
+    from scpf.models import devices, polenet
 
     if threads is not None:
         torch.set_num_threads(threads)
     net, info = polenet.load(path or Path(__file__).with_name("polenet.safetensors"))
-    return PoleNetSegmenter(net, info, threshold, bfloat16)
+    return PoleNetSegmenter(net.to(devices.choose(device)), info, threshold, bfloat16)
 
 
 class PoleNetSegmenter:
@@ -88,20 +115,34 @@ class PoleNetSegmenter:
 
     def __call__(self, image: Image) -> list[Instance]:
         """Instances with a calibrated score of at least the threshold, masks at the resolution of ``image``."""
-        from scpf.models.grouping import group
-
         framed, shown_px = frame(image)
-        mask, centre, offsets = maps(self._net, framed)
-        scale = (image.shape[1] / shown_px[0], image.shape[0] / shown_px[1])
-        found = []
-        for candidate in group(mask[: shown_px[1], : shown_px[0]], centre, offsets):
-            score = self.info.calibration.probability(
-                candidate.centre, candidate.mask_mean, candidate.height_px
-            )
-            instance = at_full_resolution(candidate, scale, score) if score >= self.threshold else None
-            if instance is not None:
-                found.append(instance)
-        return sorted(found, key=lambda instance: -instance.score)
+        found = maps(self._net, framed)
+        return instances(*found, image.shape[:2], shown_px, self.info.calibration, self.threshold)
+
+
+def instances(
+    mask: NDArray[Any],
+    centre: NDArray[Any],
+    offsets: NDArray[Any],
+    size: tuple[int, ...],
+    shown_px: tuple[int, int],
+    calibration: ScoreCalibration,
+    threshold: float,
+) -> list[Instance]:
+    """Instances of PoleNet's maps (as `maps` gives them) in an image of ``size`` (height, width), best score first.
+
+    ``shown_px``: (width, height) of the maps that the image fills, as `frame` gives it.
+    """
+    from scpf.models.grouping import group
+
+    scale = (size[1] / shown_px[0], size[0] / shown_px[1])
+    found = []
+    for candidate in group(mask[: shown_px[1], : shown_px[0]], centre, offsets):
+        score = calibration.probability(candidate.centre, candidate.mask_mean, candidate.height_px)
+        instance = at_full_resolution(candidate, scale, score) if score >= threshold else None
+        if instance is not None:
+            found.append(instance)
+    return sorted(found, key=lambda instance: -instance.score)
 
 
 def frame(image: Image) -> tuple[Image, tuple[int, int]]:
