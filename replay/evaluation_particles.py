@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from scpf.models import compiled_terms as terms
 from scpf.models.batch_filter import BatchFilter, Motion, Term
-from scpf.models.fit_monitor import FitMonitor
+from scpf.models.consider import ConsiderCovariance
+from scpf.models.lasting_errors import LastingTempering
 from scpf.models.matched_landmarks import Sighting
 from scpf.models.motion import ConstantTurnRate, ConstantVelocity
 from scpf.models.road_map import fit_segment
@@ -23,8 +24,6 @@ Array = NDArray[np.float64]
 INITIAL_HEADING_DEVIATIONS: Final = np.array([0.2, 0.05])
 CANDIDATE_RANGE_M: Final = 90.0
 CANDIDATE_BEHIND_M: Final = 15.0
-FIT_LANDMARKS: Final = 10
-"""The nearest so many are asked how well a detection fits."""
 
 
 class ParticleRuns(Runs):
@@ -47,32 +46,55 @@ class ParticleRuns(Runs):
         self.half_width_m = scenario.road_map.half_width_m
         motion: Motion
         deviations = INITIAL_DEVIATIONS
+        self.consider: ConsiderCovariance | None = None
         if settings.motion == "constant-turn-rate":
-            motion = terms.TurnRateMotion(ConstantTurnRate(settings.q_m2ps3, settings.q_turn_rad2ps3))
+            turning = ConstantTurnRate(settings.q_m2ps3, settings.q_turn_rad2ps3)
+            motion = terms.TurnRateMotion(turning)
             heading = self.road.direction_rad(first[:, :2])
             speed = first[:, 2] * np.cos(heading) + first[:, 3] * np.sin(heading)
             ahead = np.column_stack([np.cos(heading), np.sin(heading)])
             first = np.column_stack([first[:, :2], speed[:, None] * ahead, heading, np.zeros(len(first))])
             deviations = np.concatenate([deviations, INITIAL_HEADING_DEVIATIONS])
+            if settings.consider is not None:
+                self.consider = ConsiderCovariance(
+                    settings.consider, turning, self.positions_m, len(first), deviations
+                )
         else:
             motion = terms.VelocityMotion(ConstantVelocity(settings.q_m2ps3))
         self.filter = BatchFilter(motion, seeds, settings.particles, settings.resample_below)
         self.filter.initialise(first, deviations)
         self.mean, self.covariance = first, np.tile([10.0, 0.0, 10.0], (len(first), 1))
-        self.fit = None if settings.fit is None else FitMonitor(settings.fit, len(first))
-        self.exponent: float | Array = settings.tempering
 
     def step(self, dt_s: float, fixes_m: Array, detections: Sequence[Detection]) -> tuple[Array, Array]:
         """Means (R, D) and position covariances (R, 3) after a frame."""
         if dt_s > 0.0:
             self.filter.predict(dt_s)
         poses = self.mean[:, :2] + dt_s * self.mean[:, 2:4]
-        wanted: list[Term] = [terms.Fix(fixes_m, self.fix_variance_m2), *self._constraints(poses, detections)]
-        belief = self.filter.update(wanted)
-        self.mean, self.covariance = belief.mean, belief.covariance
-        return belief.mean, belief.covariance
+        exponents = self._exponents()
+        constraints = self._constraints(poses, detections, exponents)
+        belief = self.filter.update([terms.Fix(fixes_m, self.fix_variance_m2), *constraints])
+        covariance = belief.covariance
+        if self.consider is not None:
+            self.consider.predict(self.mean, dt_s)
+            road = self.settings.heading_deviation_rad
+            sightings = self._sightings(detections) if self.settings.landmarks else []
+            self.consider.update(
+                self.fix_variance_m2, None if road is None else road**2, sightings, exponents
+            )
+            covariance = self.consider.covariance(belief.covariance)
+        self.mean, self.covariance = belief.mean, covariance
+        return belief.mean, covariance
 
-    def _constraints(self, poses_m: Array, detections: Sequence[Detection]) -> list[Term]:
+    def _exponents(self) -> Array:
+        """How much the landmarks count in each run (R,)."""
+        tempering = self.settings.tempering
+        if isinstance(tempering, LastingTempering) and self.consider is not None:
+            lasting = self.consider.lasting
+            return tempering.exponent(lasting.share, lasting.offset_m2)
+        always = tempering.lasting if isinstance(tempering, LastingTempering) else tempering
+        return np.full(len(self.mean), always)
+
+    def _constraints(self, poses_m: Array, detections: Sequence[Detection], exponents: Array) -> list[Term]:
         """The soft constraints around the predicted positions (R, 2)."""
         settings = self.settings
         wanted: list[Term] = []
@@ -87,17 +109,16 @@ class ParticleRuns(Runs):
             wanted.append(terms.Heading(yaws, settings.heading_deviation_rad))
         if not settings.landmarks or not detections:
             return wanted
-        self._watch_fit(offset, squared, self._sightings(detections))
         if settings.per_particle and not self.known_matching:
-            return [*wanted, self._matched(offset, squared, yaws, detections)]
+            return [*wanted, self._matched(offset, squared, yaws, detections, exponents)]
         matched = self.which(detections, poses_m, self.covariance, yaws)
         for seen, which in zip(self._sightings(detections), matched, strict=True):
             wanted.append(
-                terms.Range(self.marks, which, seen.distance_m, seen.distance_deviation_m, self.exponent)
+                terms.Range(self.marks, which, seen.distance_m, seen.distance_deviation_m, exponents)
             )
             if settings.bearing_deviation_rad is not None:
                 bearing = (seen.bearing_rad, seen.bearing_deviation_rad)
-                wanted.append(terms.Bearing(self.marks, which, *bearing, self.exponent))
+                wanted.append(terms.Bearing(self.marks, which, *bearing, exponents))
         return wanted
 
     def _sightings(self, detections: Sequence[Detection]) -> list[Sighting]:
@@ -112,19 +133,13 @@ class ParticleRuns(Runs):
             for d in detections
         ]
 
-    def _watch_fit(self, offset_m: Array, squared_m2: Array, sightings: Sequence[Sighting]) -> None:
-        """Let what fits badly for long count less."""
-        if self.fit is None:
-            return
-        order = np.argsort(squared_m2, axis=1)[:, :FIT_LANDMARKS]
-        near = np.take_along_axis(offset_m, order[:, :, None], axis=1)
-        own = 0.5 * (self.covariance[:, 0] + self.covariance[:, 2])
-        for seen in sightings:
-            self.fit.observe(near, self.mean[:, 4], own, seen)
-        self.exponent = self.settings.tempering * self.fit.share
-
     def _matched(
-        self, offset_m: Array, squared_m2: Array, yaws_rad: Array, detections: Sequence[Detection]
+        self,
+        offset_m: Array,
+        squared_m2: Array,
+        yaws_rad: Array,
+        detections: Sequence[Detection],
+        exponents: Array,
     ) -> terms.Matched:
         """Matching by every particle, among the landmarks in sight of each run."""
         ahead = offset_m[..., 0] * np.cos(yaws_rad)[:, None] + offset_m[..., 1] * np.sin(yaws_rad)[:, None]
@@ -133,4 +148,4 @@ class ParticleRuns(Runs):
         order = np.argsort(~near, axis=1, kind="stable")[:, :most]
         candidates = np.where(np.take_along_axis(near, order, axis=1), order, -1)
         floor, seen = self.settings.floor, self._sightings(detections)
-        return terms.Matched(self.marks, candidates, seen, floor, self.exponent)
+        return terms.Matched(self.marks, candidates, seen, floor, exponents)

@@ -7,8 +7,9 @@ from typing import Final, Literal
 
 import numpy as np
 
+from scpf.models.consider import ConsiderSettings
 from scpf.models.errors import UsageError
-from scpf.models.fit_monitor import FitSettings
+from scpf.models.lasting_errors import LastingTempering
 
 MotionName = Literal["constant-velocity", "constant-turn-rate"]
 
@@ -20,11 +21,12 @@ class Estimator:
     ``kind``: particle filter or extended Kalman filter. ``q_m2ps3``: density of the acceleration noise, along the
     path where the turn rate is constant. ``landmarks``, ``road``, ``speed``: which soft constraints it has.
     ``bearing_deviation_rad``: None leaves bearings out. ``heading_deviation_rad``: of the road-heading constraint,
-    None for none. ``tempering``: exponent of the landmark constraints. ``landmark_variance_m2`` is added to every
+    None for none. ``tempering``: exponent of the landmark constraints, always the same or as errors last.
+    ``landmark_variance_m2`` is added to every
     range variance; ``landmark_deviation_m`` across the line of sight widens bearings. ``floor``: ε of the matching
-    by every particle for itself, used where ``per_particle`` and matching is unknown. ``fit``: landmarks that fit
-    badly for long count less; None for always the same tempering. In a particle filter bearings, heading and ``fit``
-    need states with a heading: a constant turn rate.
+    by every particle for itself, used where ``per_particle`` and matching is unknown. ``consider``: what lasts of the
+    errors is found out, and the covariance tells of it; None for that of the particles. In a particle filter
+    bearings, heading and ``consider`` need states with a heading: a constant turn rate.
     """
 
     name: str
@@ -37,11 +39,11 @@ class Estimator:
     speed: bool = True
     bearing_deviation_rad: float | None = None
     heading_deviation_rad: float | None = None
-    tempering: float = 1.0
+    tempering: float | LastingTempering = 1.0
     landmark_variance_m2: float = 0.0
     landmark_deviation_m: float = 0.0
     per_particle: bool = False
-    fit: FitSettings | None = None
+    consider: ConsiderSettings | None = None
     floor: float = 0.001
     particles: int = 500
     resample_below: float = 1.0
@@ -65,9 +67,9 @@ PRESETS: Final = {
         q_turn_rad2ps3=0.003,
         bearing_deviation_rad=float(np.radians(3.0)),
         heading_deviation_rad=float(np.radians(7.0)),
-        tempering=0.21,
+        tempering=LastingTempering(),
         per_particle=True,
-        fit=FitSettings(),
+        consider=ConsiderSettings(),
     ),
 }
 """``paper``: the soft-constrained filter as published. ``pf``: the same without constraints. ``ekf``: range, bearing
