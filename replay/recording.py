@@ -19,8 +19,8 @@ from scpf.models.road_map import RoadMap
 from scpf.replay import overlays, shapes
 from scpf.replay.blueprint import MAP_ASPECT, Extent, layout
 from scpf.replay.recording_camera import log_image, log_instances
+from scpf.replay.recording_rows import RowBatches
 from scpf.replay.recording_style import TRUE_DISTANCE, log_map, log_style, log_surface_style, timing_style
-from scpf.replay.row_batches import RowBatches
 from scpf.replay.step import Frame, Step, Surface
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from scpf.replay import overlays
-from scpf.replay.row_batches import RowBatches
+from scpf.replay.recording_rows import RowBatches
 from scpf.replay.step import Frame, Step
 
 LOWEST_LABEL: Final = 0.93
