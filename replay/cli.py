@@ -59,7 +59,12 @@ COMMANDS: Final = (
     ("Drive logs", "doctor", "doctor_command:doctor", "What is wrong with a log, or with this machine."),
     ("Drive logs", "recover", "recover_command:recover", "Save what can be read of a damaged log."),
     ("Drive logs", "label", "label_command:label", "Suggest masks on frames, as labelme files to correct."),
-    ("Drive logs", "export", "export_command:export", "The reference trajectory as TUM, EuRoC or KITTI."),
+    (
+        "Drive logs",
+        "export",
+        "export_command:export",
+        "A trajectory as TUM, EuRoC or KITTI; PoleNet as ONNX.",
+    ),
 )
 SUBCOMMANDS: Final = (
     # group and its help, then name, where it lives and help of each command

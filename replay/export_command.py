@@ -1,23 +1,30 @@
-"""``scpf export``: the reference trajectory of a drive log as a file that evo and others read."""
+"""``scpf export``: a drive log's reference trajectory for evo and others, or the network for ONNX Runtime."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 
 def export(
-    log: Path,
+    source: str,
     *,
-    trajectory: Path,
+    trajectory: Path | None = None,
+    onnx: Path | None = None,
+    precision: Literal["int8", "float32"] = "int8",
+    pictures: Annotated[list[Path] | None, Parameter(consume_multiple=False, negative="")] = None,
     format: Literal["tum", "euroc", "kitti"] | None = None,
     at_images: bool | None = None,
     overwrite: bool = False,
 ) -> int:
-    """Write the reference trajectory of a drive log as TUM, EuRoC CSV or KITTI poses.
+    """Write the reference trajectory of a drive log as TUM, EuRoC CSV or KITTI poses; or PoleNet as ONNX.
 
     TUM and EuRoC hold the poses of the body in the frame `map`; KITTI those of the camera, in its own axes, one an
     image. Exit code 3: images without a reference pose were left out.
+
+    In 8 bits PoleNet takes half of the time or less, and finds a little less. Run it with --segmenter NAME.onnx.
 
     Examples:
 
@@ -25,12 +32,20 @@ def export(
 
         scpf export drive.mcap --trajectory poses.txt --format kitti
 
+        scpf export polenet --onnx polenet_int8.onnx --pictures drive.mcap
+
     Parameters
     ----------
-    log
-        The drive log.
+    source
+        The drive log; with --onnx, weights of PoleNet (.safetensors), or `polenet` for those that ship.
     trajectory
         The file to write; its ending says the format: .tum, .csv (EuRoC) or .txt (KITTI).
+    onnx
+        The network to write (needs `scpf[onnx]`).
+    precision
+        Of the network: `int8` or `float32`.
+    pictures
+        A drive log or a folder of pictures of the camera that int8 shall run on; repeat it. Default: painted scenes.
     format
         The format, whatever the ending.
     at_images
@@ -38,13 +53,27 @@ def export(
     overwrite
         Replace an existing file.
     """
+    import sys
+
     import numpy as np
 
     from scpf.ingest.drive_log import DriveLog
     from scpf.ingest.trajectory_writers import format_of, write_trajectory
-    from scpf.models.errors import MissingError
+    from scpf.models.errors import MissingError, UsageError
     from scpf.models.trajectory import from_poses
 
+    if onnx is not None and trajectory is None:
+        from scpf.replay.network_export import export_network
+
+        def say(line: str) -> None:
+            if sys.stderr.isatty():
+                print(line, file=sys.stderr)
+
+        print(export_network(source, onnx, precision, pictures or [], overwrite, say))
+        return 0
+    if trajectory is None or onnx is not None:
+        raise UsageError("one thing to export: --trajectory of a drive log, or --onnx of a network")
+    log = Path(source)
     chosen = format or format_of(trajectory)
     left_out = 0
     with DriveLog(log) as opened:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -18,6 +19,8 @@ pytest.importorskip("onnxscript", reason="needs scpf[onnx]")
 onnx = pytest.importorskip("onnx", reason="needs scpf[onnx]")
 
 from scpf.models.onnx_export import export, quantise  # noqa: E402
+from scpf.replay import network_export  # noqa: E402
+from scpf.replay.cli import run  # noqa: E402
 
 WEIGHTS = Path(polenet.__file__).with_name("polenet.safetensors")
 THRESHOLD = 0.5
@@ -121,3 +124,31 @@ def test_without_the_extra_it_says_what_to_install(
 def test_eight_bits_need_pictures(exported: dict[str, Path], tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="pictures or more"):
         quantise(exported["float32"], tmp_path / "x.onnx", [])
+
+
+def test_the_command_exports(
+    exported: dict[str, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for k in range(4):
+        cv2.imwrite(str(tmp_path / f"{k}.jpg"), picture(k, (320, 256)))
+    # Tracing the network takes most of the time, and is tested above.
+    monkeypatch.setattr(
+        network_export,
+        "export",
+        lambda net, info, output: output.write_bytes(exported["float32"].read_bytes()),
+    )
+    output = tmp_path / "n.onnx"
+    command = ["export", "polenet", "--onnx", str(output), "--pictures", str(tmp_path)]
+    assert run(command) == 0
+    assert "8 bits, by the ranges of 4 pictures" in capsys.readouterr().out
+    assert sorted(path.name for path in tmp_path.glob("*n*")) == ["n.onnx"]
+    assert segmentation.load(output).info.classes == ("light_pole",)  # type: ignore[attr-defined]
+    assert run(command) == 1
+    assert run([*command, "--overwrite", "--precision", "float32"]) == 0
+    assert output.read_bytes() == exported["float32"].read_bytes()
+    assert run(["export", "polenet", "--onnx", str(tmp_path / "n.txt")]) == 2
+    assert run(["export", "polenet"]) == 2
+    assert run(["export", "drive.mcap", "--trajectory", "a.tum", "--onnx", str(output)]) == 2
