@@ -1,0 +1,148 @@
+"""``scpf simulate``: a drive log of a simulated bus ride past light poles."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+
+def simulate(
+    *,
+    output: Annotated[Path, Parameter(alias="-o")],
+    map: Path | None = None,
+    start_m: float = 0.0,
+    duration: float = 10.0,
+    stop_at_m: float | None = None,
+    seed: int = 0,
+    world_seed: int | None = None,
+    weather: str = "random",
+    width: int = 2048,
+    quality: int = 85,
+    map_error: float = 1.5,
+    gps_sigma: float = 3.0,
+    workers: int = 2,
+    overwrite: bool = False,
+    quiet: Annotated[bool, Parameter(alias="-q")] = False,
+    format: Literal["text", "json"] = "text",
+) -> int:
+    """Render a bus ride along a road map into a drive log that also holds the truth.
+
+    The log has pictures, calibration, reference, rough GPS, the mask of every pole with its id, and two maps: as
+    surveyed (map.geojson) and true (true_map.geojson). The same seed gives the same bytes, however many workers share
+    the work. Finished frames lie in NAME.frames until all is written: the same command goes on after an interruption.
+
+    Examples:
+
+        scpf simulate -o drive.mcap
+
+        scpf simulate -o rain.mcap --weather rain --start-m 1200 --duration 60 --width 1024 --seed 7
+
+        scpf simulate -o campus.mcap --map campus.geojson --map-error 0
+
+    Parameters
+    ----------
+    output
+        The drive log to write.
+    map
+        Road map (.geojson of `scpf map from`) to drive along; by default the University of Waterloo's Ring Road.
+    start_m
+        Where the drive begins, in metres along the centre line.
+    duration
+        Length of the drive in seconds.
+    stop_at_m
+        Where the bus stops for some seconds, in metres along the centre line.
+    seed
+        Seed of everything that is drawn.
+    world_seed
+        Seed of what stands along the road: drives with the same one pass the same poles. By default --seed.
+    weather
+        clear, cloudy, overcast, rain, lowsun, dusk, or random: one of them, with another sun and haze.
+    width
+        Width of the pictures in px, a multiple of 4 from 64 to 2048; they are 4:3.
+    quality
+        JPEG quality, 1 to 100.
+    map_error
+        Mean distance in m of a mapped pole from where it stands, the same all along the drive; 0 for an exact map.
+    gps_sigma
+        Deviation of the rough GPS in m an axis.
+    workers
+        Rendering processes; each takes some 0.7 GB of memory.
+    overwrite
+        Replace an existing log, and frames of other settings.
+    quiet
+        No progress on stderr.
+    format
+        Form of the report on stdout.
+    """
+    from dataclasses import asdict
+
+    from scpf.ingest.maps import read_map
+    from scpf.models.errors import UsageError
+    from scpf.sample_logs.drive_frames import DriveSettings
+    from scpf.sample_logs.simulation import frames_folder, simulate_drive
+
+    if not 1 <= workers <= 64:
+        raise UsageError(f"--workers {workers} is not 1 to 64")
+    settings = DriveSettings(
+        start_m, duration, seed, world_seed, weather, width, quality, map_error, gps_sigma, stop_at_m
+    )
+    road_map = None if map is None else read_map(map)
+    progress = RenderProgress(quiet)
+    try:
+        report = simulate_drive(
+            output, settings, progress, road_map=road_map, workers=workers, overwrite=overwrite
+        )
+    except KeyboardInterrupt:
+        progress.say(f"finished frames are kept in {frames_folder(output)}: the same command goes on")
+        raise
+    finally:
+        progress.close()
+    if format == "json":
+        print(json.dumps(asdict(report), indent=1))
+    else:
+        lost = f", {report.dropped} dropped by the camera" if report.dropped else ""
+        print(f"{report.path}: {report.frames} frames in {report.duration_s:.3f} s ({report.weather}){lost}")
+        print(f"  {report.poles_shown} sightings of poles, {report.poles_mapped} poles in the map")
+    return 0
+
+
+class RenderProgress:
+    """What a rendering says on stderr: lines that stay, and on a terminal one that is redrawn."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._quiet = quiet
+        self._redraws = not quiet and sys.stderr.isatty()
+        self._begun = self._drawn = time.monotonic()
+
+    def say(self, line: str) -> None:
+        """A line that stays."""
+        if not self._quiet:
+            self.close()
+            print(line, file=sys.stderr, flush=True)
+
+    def frame(self, done: int, resumed: int, count: int) -> None:
+        """Note that ``done`` of ``count`` frames are finished, ``resumed`` of them by an earlier run."""
+        now = time.monotonic()
+        if done == resumed:
+            self._begun = now
+            if resumed:
+                self.say(f"{resumed} of {count} frames are there already")
+            return
+        if not self._redraws or (now - self._drawn < 0.2 and done < count):
+            return
+        self._drawn = now
+        rate = (done - resumed) / max(now - self._begun, 1e-3)
+        left_s = (count - done) / rate
+        sys.stderr.write(f"\r\x1b[Kframe {done}/{count}  {rate:.2f} frames/s  {left_s:.0f} s left")
+        sys.stderr.flush()
+
+    def close(self) -> None:
+        """Take the redrawn line away."""
+        if self._redraws:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
