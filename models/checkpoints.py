@@ -14,7 +14,7 @@ import re
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import torch
@@ -24,6 +24,7 @@ from torch import Tensor
 from scpf.models.errors import DamagedError, InputError, MissingError
 
 LARGEST_BYTES: Final = 2 << 30
+LONGEST_NAME: Final = 200
 NUMBERS: Final = re.compile(r"[<>|=]?(f[248]|i[1248]|u[1248]|b1)")
 CONTAINERS: Final = ("model", "state_dict", "model_state_dict", "ema_state_dict")
 AGAIN: Final = "fetch or copy it again"
@@ -61,6 +62,8 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
     if not found:
         raise InputError(f"{path}: holds no named tensors", HOW_TO_SAVE)
     for name, value in found.items():
+        if not name.isprintable() or len(name) > LONGEST_NAME:
+            raise DamagedError(f"{path}: a tensor called {_shown(name)}", AGAIN)
         if value.numel() * value.element_size() > value.untyped_storage().nbytes():
             raise DamagedError(f"{path}: {name} claims to be larger than its bytes", AGAIN)
     return found
@@ -79,7 +82,7 @@ def _safetensors(path: Path) -> dict[str, Tensor]:
         with safe_open(path, framework="pt") as file:
             return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
-        raise DamagedError(f"{path}: not a whole safetensors file ({error})", AGAIN) from error
+        raise DamagedError(f"{path}: not a whole safetensors file ({_shown(error)})", AGAIN) from error
 
 
 def _torch(path: Path) -> object:
@@ -98,7 +101,7 @@ def _torch(path: Path) -> object:
             raise InputError(
                 f"{path}: holds {name}, not tensors alone; nothing was run", HOW_TO_SAVE
             ) from error
-        raise DamagedError(f"{path}: not a whole torch file ({_first_line(error)})", AGAIN) from error
+        raise DamagedError(f"{path}: not a whole torch file ({_shown(error)})", AGAIN) from error
 
 
 def _pickle(path: Path) -> object:
@@ -107,15 +110,16 @@ def _pickle(path: Path) -> object:
         return _Unpickler(io.BytesIO(content), encoding="latin1").load()
     except _RefusedError as error:
         raise InputError(
-            f"{path}: holds {error}; nothing was run", "weights are arrays of numbers by name"
+            f"{path}: holds {_shown(error)}; nothing was run", "weights are arrays of numbers by name"
         ) from error
     except Exception as error:  # a damaged pickle may raise anything that its operations can
-        raise DamagedError(f"{path}: not a whole pickle ({_first_line(error)})", AGAIN) from error
+        raise DamagedError(f"{path}: not a whole pickle ({_shown(error)})", AGAIN) from error
 
 
-def _first_line(error: Exception) -> str:
-    lines = str(error).strip().splitlines()
-    return lines[0].strip() if lines else type(error).__name__
+def _shown(said: str | Exception) -> str:
+    """What a file or its reader says, as part of one line."""
+    lines = str(said).strip().splitlines() or [type(said).__name__]
+    return "".join(c if c.isprintable() else "?" for c in lines[0])[:160]
 
 
 class _Mapping(dict[Any, Any]):
@@ -156,18 +160,26 @@ class _Array:
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         shape, number, by_column, content = state[-4:]
-        if not isinstance(number, _NumberType) or not isinstance(content, (bytes, str)):
-            raise _RefusedError("an array of objects")
-        raw = content if isinstance(content, bytes) else content.encode("latin1")
-        values = np.frombuffer(raw, number.dtype).astype(number.dtype.newbyteorder("="))
-        self.array = values.reshape(shape, order="F" if by_column else "C")
+        self.array = _numbers(number, content).reshape(shape, order="F" if by_column else "C")
+
+
+def _array_of_buffer(content: object, number: object, shape: Any, order: object) -> _Array:
+    """Protocol 5 writes arrays by another function."""
+    array = _Array(_NdArray)
+    array.array = _numbers(number, content).reshape(shape, order="F" if order == "F" else "C")
+    return array
 
 
 def _scalar(number: object, content: object) -> float:
+    return float(_numbers(number, content)[0])
+
+
+def _numbers(number: object, content: object) -> np.ndarray[Any, Any]:
+    """The numbers that bytes hold, in this machine's byte order; a copy."""
     if not isinstance(number, _NumberType) or not isinstance(content, (bytes, str)):
-        raise _RefusedError("a number of an unknown type")
+        raise _RefusedError("an array of objects")
     raw = content if isinstance(content, bytes) else content.encode("latin1")
-    return float(np.frombuffer(raw, number.dtype)[0])
+    return np.frombuffer(raw, number.dtype).astype(number.dtype.newbyteorder("="))
 
 
 def _encoded(text: object, encoding: object) -> bytes:
@@ -182,19 +194,30 @@ _KNOWN: Final[Mapping[tuple[str, str], Any]] = {
     ("_codecs", "encode"): _encoded,
     ("numpy", "ndarray"): _NdArray,
     ("numpy", "dtype"): _NumberType,
-    ("numpy.core.multiarray", "_reconstruct"): _Array,
-    ("numpy._core.multiarray", "_reconstruct"): _Array,
-    ("numpy.core.multiarray", "scalar"): _scalar,
-    ("numpy._core.multiarray", "scalar"): _scalar,
+    **{
+        (f"numpy.{core}.{module}", name): stand_in
+        for core in ("core", "_core")  # before and since numpy 2
+        for module, name, stand_in in (
+            ("multiarray", "_reconstruct", _Array),
+            ("multiarray", "scalar", _scalar),
+            ("numeric", "_frombuffer", _array_of_buffer),
+        )
+    },
 }
 
 
 class _Unpickler(pickle._Unpickler):
     """In Python, as the one in C sizes its memory by numbers that stand in the file."""
 
+    # A bytearray would be made before its bytes are there; bytes are only as long as what is there.
+    dispatch: ClassVar[dict[int, Any]] = {
+        **pickle._Unpickler.dispatch,
+        pickle.BYTEARRAY8[0]: pickle._Unpickler.dispatch[pickle.BINBYTES8[0]],
+    }
+
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) not in _KNOWN:
-            raise _RefusedError(f"{module}.{name}, not tensors alone"[:200])
+            raise _RefusedError(f"{_shown(module)}.{_shown(name)}, not tensors alone")
         return _KNOWN[module, name]
 
     def get_extension(self, code: int) -> None:

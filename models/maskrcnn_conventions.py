@@ -110,8 +110,9 @@ class CheckpointSettings:
 
     ``colour``: order of the channels of the images it was trained on. ``stride``: the convolution of a bottleneck
     that halves the resolution. ``batch_norm_epsilon``: added to the variances. ``classes``: names, in the file's
-    order without the background; one class is a light pole unless named. ``short_side_px``, ``long_side_px``: images
-    are scaled to the first, and to less where their long side would exceed the second.
+    order without the background; empty for a class to be left out. One class is a light pole unless named.
+    ``short_side_px``, ``long_side_px``: images are scaled to the first, and to less where their long side would
+    exceed the second.
     """
 
     colour: Colour | None = None
@@ -125,7 +126,7 @@ class CheckpointSettings:
 def decided(
     convention: Convention, settings: CheckpointSettings, *, trained_norms: bool, pixels_known: bool
 ) -> tuple[Convention, tuple[str, ...]]:
-    """The convention with the person's words in it, and one sentence for each thing that nobody said.
+    """The convention with the person's words in it, and a few words for each thing that nobody said.
 
     ``trained_norms``: the file counts batches, as batch norms that were trained with the rest do; torchvision then
     has its usual epsilon. ``pixels_known``: the file has its own mean of the pixels.

@@ -23,7 +23,8 @@ DEFAULT_THRESHOLD = 0.9
 class MaskRCNNSegmenter:
     """Finds the instances of a Mask R-CNN's classes in an image (H, W, 3), uint8, RGB; best score first.
 
-    ``classes``: their names. ``assumed``: what the weights file left open, one sentence each.
+    ``classes``: their names; instances of a class without a name are left out. ``assumed``: what the weights file
+    left open, in a few words each.
     """
 
     def __init__(
@@ -39,6 +40,18 @@ class MaskRCNNSegmenter:
         self.settings = settings
         self.threshold = threshold
         self.assumed = tuple(assumed)
+
+    @property
+    def description(self) -> str:
+        """What the network is and what was assumed about it, in one line."""
+        count = len(self.classes)
+        kinds = f"{count} classes" if count > 1 else f"class {self.classes[0]}"
+        known = f"Mask R-CNN in {self.net.convention.name}'s convention, {kinds}"
+        return (
+            f"{known}; assumed, as the file does not say: {', '.join(self.assumed)}"
+            if self.assumed
+            else known
+        )
 
     def __call__(self, image: Image) -> list[Instance]:
         """Instances with a score of at least the threshold, masks at the resolution of ``image``."""
@@ -71,6 +84,8 @@ class MaskRCNNSegmenter:
         for box, score, number, mask in zip(
             found.boxes.tolist(), found.scores.tolist(), found.classes.tolist(), found.masks, strict=True
         ):
+            if not self.classes[number]:
+                continue
             crop = maskrcnn_images.paste(mask, box, size_px, self.net.convention)
             if crop is not None:
                 instances.append(Instance(tuple(box), *crop, score, self.classes[number]))
@@ -117,15 +132,16 @@ def build(found: Recognised, settings: CheckpointSettings, file: str) -> tuple[M
     expected = net.state_dict()
     missing = sorted(expected.keys() - found.tensors.keys())
     unknown = sorted(found.tensors.keys() - expected.keys())
-    for names, verb in ((missing, "lacks"), (unknown, "has in excess")):
-        if names:
-            raise InputError(f"{file}: {verb} {len(names)} tensors of a Mask R-CNN, such as {names[0]}"[:300])
+    if missing:
+        raise InputError(f"{file}: lacks {missing[0]} and {len(missing) - 1} more tensors of a Mask R-CNN")
+    if unknown:
+        raise InputError(
+            f"{file}: holds {unknown[0]}, which a Mask R-CNN has not, and {len(unknown) - 1} more"
+        )
     for name, tensor in found.tensors.items():
         if tensor.shape != expected[name].shape:
             shapes = f"{tuple(tensor.shape)}, not {tuple(expected[name].shape)}"
-            raise InputError(
-                f"{file}: {name} is {shapes}", "see --help: classes and depth are read from the file"
-            )
+            raise InputError(f"{file}: {name} is {shapes}", "heads that no class has for itself do not fit")
         if not tensor.is_floating_point() or not bool(torch.isfinite(tensor).all()):
             raise InputError(f"{file}: {name} holds values that are not finite numbers")
     net.load_state_dict({name: value.float() for name, value in found.tensors.items()}, assign=True)
@@ -142,14 +158,3 @@ def class_names(count: int, given: Sequence[str], file: str) -> tuple[str, ...]:
     if given:
         return tuple(given)
     return ("light_pole",) if count == 1 else tuple(f"class_{k}" for k in range(count))
-
-
-def describe(segmenter: MaskRCNNSegmenter) -> str:
-    """What the network is and what was assumed about it, in one line."""
-    name = segmenter.net.convention.name
-    count = len(segmenter.classes)
-    kinds = f"{count} classes" if count > 1 else f"class {segmenter.classes[0]}"
-    assumed = (
-        f"; assumed, as the file does not say: {', '.join(segmenter.assumed)}" if segmenter.assumed else ""
-    )
-    return f"Mask R-CNN in {name}'s convention, {kinds}{assumed}"

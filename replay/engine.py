@@ -103,7 +103,13 @@ def replay(
             "distance_model": dict(model.metadata) if model is not None else {},
         }
         clock = Pace(pace)
-        segment = build(settings.segmenter, settings.score_threshold, settings.bfloat16)
+        segment = build(
+            settings.segmenter,
+            settings.score_threshold,
+            settings.bfloat16,
+            settings.device,
+            settings.checkpoint,
+        )
         ahead = Ahead(segment, depth=1) if clock.live else Ahead(segment)
         pipeline = Pipeline(settings, ahead, model, camera, road_map)
         recorded = settings.segmenter == RECORDED

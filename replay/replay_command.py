@@ -22,6 +22,7 @@ def replay(
     segmenter: str | None = None,
     threshold: float | None = None,
     bfloat16: bool | None = None,
+    device: Literal["auto", "cpu", "cuda", "mps"] | None = None,
     distance_model: str | None = None,
     gps: Literal["auto", "log", "emulated", "none"] | None = None,
     gps_sigma: float | None = None,
@@ -67,12 +68,15 @@ def replay(
     show_config
         Print the settings as TOML and stop.
     segmenter
-        `polenet` (the default), `recorded` (masks that the log holds), or a .safetensors file.
+        `polenet` (the default), `recorded` (masks that the log holds), or a weights file: PoleNet's (.safetensors), or
+        a Mask R-CNN of torchvision or Detectron2 (.pth, .pkl).
     threshold
         Detections of a lower score are left out. By default 0.9, as in the paper.
     bfloat16
         Run the network in bfloat16: half the time on CPUs that compute it themselves. Results then differ a little
         between machines.
+    device
+        Where the network computes; `auto` takes a GPU where there is one. By default the CPU.
     distance_model
         `default` (the one that ships), or a file that `scpf train distance` wrote.
     gps
@@ -124,6 +128,7 @@ def replay(
         "segmenter": segmenter,
         "score_threshold": threshold,
         "bfloat16": bfloat16,
+        "device": device,
         "distance_model": distance_model,
         "seed": seed,
         "gps": replace(settings.gps, **_given(source=gps, sigma_m=gps_sigma, outages_s=outages_s)),

@@ -8,7 +8,9 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from scpf.models.association import NearestNeighbour
+from scpf.models.devices import DeviceName
 from scpf.models.errors import UsageError
+from scpf.models.maskrcnn_conventions import CheckpointSettings
 from scpf.models.particle_filter import FilterSettings
 
 GpsSource = Literal["auto", "log", "emulated", "none"]
@@ -86,6 +88,8 @@ class Settings:
     segmenter: str = "polenet"
     score_threshold: float = 0.9
     bfloat16: bool = False
+    device: DeviceName = "cpu"
+    checkpoint: CheckpointSettings = field(default_factory=CheckpointSettings)
     distance_model: str = "default"
     seed: int = 0
     q_m2ps3: float = 11.0

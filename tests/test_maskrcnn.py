@@ -110,7 +110,7 @@ def test_what_the_names_do_not_say_is_named(
     compared: tuple[Golden, MaskRCNNSegmenter, Detections],
 ) -> None:
     _, segmenter, _ = compared
-    text = maskrcnn_segmenter.describe(segmenter)
+    text = segmenter.description
     expected = {
         "torchvision": ("colour order RGB", "stride in the 3x3", "epsilon 1e-05", "3 classes"),
         "detectron2": ("colour order BGR", "stride in the 1x1", "5 classes"),
