@@ -131,25 +131,26 @@ class Canvas:
     def _bounds(self, instances: Shown, T_camera_map: Floats) -> tuple[int, int, int, int]:
         """First and last column and row of the buffer that the instances can touch."""
         rows, columns = self.buffer.face.shape
-        points = np.concatenate(
-            [
-                self._vertices(int(prototype)) @ T[:, :3].T + T[:, 3]
-                for prototype, T in zip(
-                    instances.prototype, _through(T_camera_map, instances.T_map_local), strict=True
-                )
-            ]
-        )
-        view = self.lens.view
-        if points[:, 2].min() < view.near_m:
-            return 0, 0, columns - 1, rows - 1
-        x = np.clip(view.focal * points[:, 0] / points[:, 2] + view.centre_x, 0, columns - 1)
-        y = np.clip(view.focal * points[:, 1] / points[:, 2] + view.centre_y, 0, rows - 1)
+        view, points = self.lens.view, []
+        for prototype, T in zip(
+            instances.prototype, _through(T_camera_map, instances.T_map_local), strict=True
+        ):
+            points.append(
+                _before_the_camera(self._corners(int(prototype)) @ T[:, :3].T + T[:, 3], view.near_m)
+            )
+        found = np.concatenate(points)
+        if not len(found):
+            return 0, 0, -1, -1
+        x = np.clip(view.focal * found[:, 0] / found[:, 2] + view.centre_x, 0, columns - 1)
+        y = np.clip(view.focal * found[:, 1] / found[:, 2] + view.centre_y, 0, rows - 1)
         return int(x.min()), int(y.min()), int(x.max()), int(y.max())
 
-    def _vertices(self, prototype: int) -> Floats:
-        first = self.meshes.first_vertex[prototype]
-        vertices = self.meshes.vertices[first : first + self.meshes.vertex_count[prototype]]
-        return vertices.astype(np.float64)
+    def _corners(self, prototype: int) -> Floats:
+        """The corners (F, 3, 3) of a prototype's faces, in its own frame."""
+        meshes = self.meshes
+        first = meshes.first_face[prototype]
+        faces = meshes.faces[first : first + meshes.face_count[prototype]]
+        return np.asarray(meshes.vertices[meshes.first_vertex[prototype] + faces], np.float64)
 
     def _draw(self, buffer: Buffer, view: View, instances: Shown, T_view_map: Floats) -> None:
         T_view_local = _through(T_view_map, instances.T_map_local)
@@ -163,6 +164,17 @@ def _through(T_view_map: Floats, T_map_local: Floats) -> Floats:
     T: Floats = np.einsum("ij,njk->nik", T_view_map[:, :3], T_map_local)
     T[:, :, 3] += T_view_map[:, 3]
     return T
+
+
+def _before_the_camera(corners: Floats, near_m: float) -> Floats:
+    """Points (n, 3) about all of the faces with corners (F, 3, 3) that lies beyond the near plane."""
+    following = np.roll(corners, -1, axis=1)
+    z, z_after = corners[..., 2], following[..., 2]
+    crosses = (z >= near_m) != (z_after >= near_m)
+    share = (near_m - z[crosses]) / (z_after[crosses] - z[crosses])
+    cut = corners[crosses] + share[:, None] * (following[crosses] - corners[crosses])
+    cut[:, 2] = near_m
+    return np.concatenate([corners[z >= near_m], cut])
 
 
 def _touching(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scpf.models.camera import Camera
 from scpf.models.errors import InputError
 from scpf.sample_logs.drawing_types import View
+from scpf.sample_logs.shading_reflection import TABLE_STEP, PixelTable
 from scpf.sample_logs.sub_samples import Pixels
 
 SAMPLES_PER_PIXEL: Final = 2
@@ -38,6 +39,7 @@ class Lens:
     y: NDArray[np.float32]
     vignetting: NDArray[np.float32]
     """(H, W), share of the light that reaches a pixel."""
+    table: PixelTable
     edges: tuple[float, float, float, float]
     """Smallest and largest x / z, then y / z, that the buffer holds."""
     pixel_rad: float
@@ -71,6 +73,7 @@ def lens_of(camera: Camera) -> Lens:
         x.astype(np.float32),
         y.astype(np.float32),
         vignetting.astype(np.float32),
+        _pixel_table(camera, view, rows, columns),
         edges,
         1.0 / float(camera.matrix[0, 0]),
     )
@@ -97,3 +100,14 @@ def _ray_slopes(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64
         )
     shape = (height, width)
     return (rays[:, 0] / rays[:, 2]).reshape(shape), (rays[:, 1] / rays[:, 2]).reshape(shape)
+
+
+def _pixel_table(camera: Camera, view: View, rows: int, columns: int) -> PixelTable:
+    """Where in the image the lens shows places of the buffer."""
+    x, y = np.meshgrid(
+        np.arange(0, columns + TABLE_STEP, TABLE_STEP), np.arange(0, rows + TABLE_STEP, TABLE_STEP)
+    )
+    slopes = [(x - view.centre_x) / view.focal, (y - view.centre_y) / view.focal]
+    pixels = camera.project(np.stack([*slopes, np.ones(x.shape)], axis=-1).reshape(-1, 3))
+    column, row = pixels.T.reshape(2, *x.shape).astype(np.float32)
+    return PixelTable(np.ascontiguousarray(column), np.ascontiguousarray(row))

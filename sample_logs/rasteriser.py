@@ -31,21 +31,25 @@ class Corner(NamedTuple):
 
 @part
 def _edge(p: Any, q: Any, sign: Any) -> Any:
-    """(a, b, c) of the edge p to q: a x + b y + c is not negative on the inner side."""
+    """The edge p to q as where it crosses a row, x = start + slope * y, and on which side of that the inside is:
+    1 to the right, -1 to the left, 0 for a level edge, which cuts off whole rows: start * y + slope < 0."""
     a = (p.y - q.y) * sign
     b = (q.x - p.x) * sign
-    return a, b, -(a * p.x + b * p.y)
+    c = -(a * p.x + b * p.y)
+    if a == 0.0:
+        return b, c, 0.0
+    return -c / a, -b / a, 1.0 if a > 0 else -1.0
 
 
 @part
 def _inside(edge: Any, y: Any, low: Any, high: Any) -> Any:
     """The stretch low to high of a row, cut down to the inner side of an edge."""
-    rest = edge[1] * y + edge[2]
-    if edge[0] > 0:
-        low = max(low, -rest / edge[0])
-    elif edge[0] < 0:
-        high = min(high, -rest / edge[0])
-    elif rest < 0:
+    start, slope, side = edge
+    if side > 0.0:
+        low = max(low, start + slope * y)
+    elif side < 0.0:
+        high = min(high, start + slope * y)
+    elif start * y + slope < 0.0:
         high = low - 1.0
     return low, high
 
@@ -116,8 +120,8 @@ def _fill(buffer: Any, a: Any, b: Any, c: Any, number: Any, cards: Any, card: An
         v = a.v * a.inverse_depth + dx * v_x + dy * v_y
         for column in range(first, last + 1):
             if nearness > buffer.nearness[row, column]:
-                i = min(max(int(u / w * size), 0), size - 1)
-                j = min(max(int(v / w * size), 0), size - 1)
+                texels = size / w
+                i, j = min(max(int(u * texels), 0), size - 1), min(max(int(v * texels), 0), size - 1)
                 if cards.alpha[offset + j * size + i] > LEAF_ALPHA:
                     buffer.nearness[row, column] = nearness
                     buffer.face[row, column] = number

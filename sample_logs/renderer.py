@@ -36,6 +36,7 @@ from scpf.sample_logs.rain import add_rain
 from scpf.sample_logs.scene import PARAMETERS, Scene, SceneBuilder
 from scpf.sample_logs.shading import Eye, shade
 from scpf.sample_logs.shading_light import HeightMap, Lighting
+from scpf.sample_logs.shading_reflection import NEARNESS_STEP, Done
 from scpf.sample_logs.sky import ambient_light, sky_panorama
 from scpf.sample_logs.sub_samples import empty_sub_samples
 from scpf.sample_logs.textures import Textures
@@ -127,12 +128,13 @@ class Renderer:
             depth_m,
             instance_ids,
             self._lens.pixels,
-            self._canvas.buffer,
+            self._canvas.buffer.face,
             eye,
             instances,
             self._canvas.meshes,
             self._images,
             lighting,
+            self._mirrored(),
             empty_sub_samples(),
         )
         alone = self._canvas.pixels_alone(scene, index, T_camera_map)
@@ -170,6 +172,13 @@ class Renderer:
             from_above=from_above,
             lamps=lit_lamps(self._lamps_m, weather, body),
         )
+
+    def _mirrored(self) -> Done:
+        """What wet ground can mirror."""
+        nearness = self._canvas.buffer.nearness[::NEARNESS_STEP, ::NEARNESS_STEP]
+        if self._weather.wetness == 0.0:
+            nearness = nearness[:1, :1]
+        return Done(self._radiance, np.ascontiguousarray(nearness), self._lens.table)
 
     def _through_the_lens(
         self,

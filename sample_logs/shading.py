@@ -16,6 +16,7 @@ from scpf.sample_logs.kernels import (
     inlined,
     kernel,
     mirrored,
+    mixed,
     negative,
     rotated,
     smooth_step,
@@ -37,7 +38,8 @@ from scpf.sample_logs.shading_light import (
     through_haze,
 )
 from scpf.sample_logs.shading_materials import surface_of
-from scpf.sample_logs.shading_surface import Spot
+from scpf.sample_logs.shading_reflection import LEAST_SHARE, mirrored_thing, rippled
+from scpf.sample_logs.shading_surface import BLACK, Spot
 from scpf.sample_logs.sub_samples import look, majority, sub_sample_steps
 
 
@@ -79,7 +81,17 @@ def _open_share(material: Any, hit: Any, spot: Any, lighting: Any, jitter: Any) 
 
 @inlined
 def _radiance(
-    material: Any, surface: Any, hit: Any, spot: Any, direction: Any, images: Any, lighting: Any, jitter: Any
+    material: Any,
+    surface: Any,
+    hit: Any,
+    spot: Any,
+    direction: Any,
+    images: Any,
+    lighting: Any,
+    jitter: Any,
+    eye: Any,
+    done: Any,
+    row: Any,
 ) -> Any:
     """Light that the spot sends back along the ray."""
     normal, translucency = hit.normal, surface.translucency
@@ -103,7 +115,14 @@ def _radiance(
     if surface.specular > 0:
         reflected = mirrored(direction, normal)
         share = schlick(surface.specular, surface.gloss, direction, normal) * is_open
-        mirror = mirrored_sky(lighting, images.sky, reflected)
+        is_wet = lighting.wetness > 0.0 and normal[2] > 0.9 and surface.gloss > 0.3
+        if is_wet:
+            reflected = rippled(images.noise, hit.point, reflected, surface.gloss)
+        trust, mirror = 0.0, BLACK
+        if is_wet and share > LEAST_SHARE:
+            trust, mirror = mirrored_thing(done, row, eye, hit.point, reflected, jitter)
+        if trust < 1.0:
+            mirror = mixed(mirrored_sky(lighting, images.sky, reflected), mirror, trust)
         highlight = sun_highlight(lighting, reflected, surface.specular, surface.gloss) * shadow
         red += share * mirror[0] + highlight * sun_rgb[0]
         green += share * mirror[1] + highlight * sun_rgb[1]
@@ -113,7 +132,17 @@ def _radiance(
 
 @inlined
 def _seen(
-    x: Any, y: Any, number: Any, eye: Any, shown: Any, meshes: Any, images: Any, lighting: Any, jitter: Any
+    x: Any,
+    y: Any,
+    number: Any,
+    eye: Any,
+    shown: Any,
+    meshes: Any,
+    images: Any,
+    lighting: Any,
+    jitter: Any,
+    done: Any,
+    row: Any,
 ) -> Any:
     """Colour and distance along the camera's axis of a face at (x, y) of the buffer, or of the sky."""
     ray_x, ray_y = (x - eye.centre_x) / eye.focal, (y - eye.centre_y) / eye.focal
@@ -140,7 +169,7 @@ def _seen(
     surface = surface_of(
         material, spot, direction, hit.face_normal, cosine, shown.parameters[k], images, lighting
     )
-    colour = _radiance(material, surface, hit, spot, direction, images, lighting, jitter)
+    colour = _radiance(material, surface, hit, spot, direction, images, lighting, jitter, eye, done, row)
     return through_haze(lighting, colour, hit.distance_m), hit.distance_m * axial
 
 
@@ -150,19 +179,20 @@ def shade(
     depth_m: Any,
     instance_ids: Any,
     pixels: Any,
-    buffer: Any,
+    faces: Any,
     eye: Any,
     shown: Any,
     meshes: Any,
     images: Any,
     lighting: Any,
+    done: Any,
     samples: Any,
 ) -> None:
     """Fill ``image`` (H, W, 3) with linear radiance, ``depth_m`` (H, W) with the nearest distance along the
     camera's axis (infinite in the sky), ``instance_ids`` (H, W) with the pole of at least two sub-samples."""
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):
-            look(samples, sub_sample_steps(pixels, row, column), buffer.face)
+            look(samples, sub_sample_steps(pixels, row, column), faces)
             jitter = hashed(column, row)
             red = green = blue = 0.0
             nearest = np.inf
@@ -181,7 +211,7 @@ def shade(
                     if samples.face[later] == number:
                         x, y, count = x + samples.x[later], y + samples.y[later], count + 1
                 colour, distance = _seen(
-                    x / count, y / count, number, eye, shown, meshes, images, lighting, jitter
+                    x / count, y / count, number, eye, shown, meshes, images, lighting, jitter, done, row
                 )
                 red += colour[0] * count * 0.25
                 green += colour[1] * count * 0.25

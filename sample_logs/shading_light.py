@@ -123,6 +123,8 @@ def lamplight(lamps: Any, point: Any, normal: Any, translucency: Any) -> Any:
     """Irradiance from the lamps about a spot, before their colour."""
     total = 0.0
     for k in range(lamps.shape[0]):
+        if abs(lamps[k, 0] - point[0]) > LAMP_REACH_M or abs(lamps[k, 1] - point[1]) > LAMP_REACH_M:
+            continue
         to_lamp = minus((lamps[k, 0], lamps[k, 1], lamps[k, 2]), point)
         squared = dot(to_lamp, to_lamp)
         if squared > LAMP_REACH_M * LAMP_REACH_M or squared < 0.02:
@@ -192,7 +194,7 @@ def sky_and_sun(lighting: Any, sky: Any, direction: Any) -> Any:
     """Radiance of the sky with the sun's disc and the glow about it."""
     red, green, blue = sky_at(sky, direction)
     towards = dot(direction, lighting.sun_direction)
-    if towards <= 0.0 or lighting.glare <= 0.0:
+    if towards <= 0.9 or lighting.glare <= 0.0:
         return red, green, blue
     glow = lighting.glare * (math.pow(towards, 64.0) * 0.25 + math.pow(towards, 900.0) * 2.0)
     if towards > 0.99996:

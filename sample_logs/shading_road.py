@@ -94,11 +94,8 @@ def _cover_distance(u: Any, v: Any) -> Any:
 
 
 @part
-def puddle_at(noise: Any, point: Any, v: Any, footprint: Any) -> Any:
+def _puddle(large: Any, patches: Any, from_middle: Any, from_track: Any) -> Any:
     """Share of a spot of the wet road under standing water: hollows, and rather in the wheel tracks."""
-    from_middle, from_track = _from_track_m(v)
-    large = plane_noise(noise, LARGE_PATCHES, point, 0.023, footprint)
-    patches = plane_noise(noise, PATCHES, point, 0.11, footprint)
     tracks = 0.35 / (1 + from_track * from_track * 14) - 0.25 / (1 + from_middle * from_middle * 4)
     return smooth_step(0.45, 1.25, large + 0.25 * patches + tracks)
 
@@ -125,5 +122,5 @@ def road(noise: Any, spot: Any, crossing_period: Any, crossing_start: Any, wetne
     colour = mixed(mixed(colour, YELLOW, yellow * wear), WHITE, white * wear)
     if wetness <= 0.0:
         return coated(colour, 0.03, 0.0)
-    puddle = puddle_at(noise, spot.point, v, footprint) * wetness
+    puddle = _puddle(large, patches, from_middle, from_track) * wetness
     return coated(scaled(colour, 1 - 0.5 * wetness), 0.02 + 0.03 * puddle, 0.35 * wetness + 0.6 * puddle)

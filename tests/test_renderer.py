@@ -105,6 +105,14 @@ def axis_in_map(number: int, low_m: float, high_m: float) -> Floats:
     return np.column_stack([x + lean[0] * height, y + lean[1] * height, 0.02 + height])
 
 
+def pixel_of(camera: Camera, place_m: list[float]) -> tuple[int, int]:
+    """Row and column that show a place in the body's frame."""
+    T_camera_body = np.linalg.inv(camera.T_body_camera)
+    in_camera = T_camera_body[:3, :3] @ place_m + T_camera_body[:3, 3]
+    column, row = np.rint(camera.project(in_camera[None])[0]).astype(int)
+    return int(row), int(column)
+
+
 def off_the_axis(mask: NDArray[np.bool_], axis_px: Floats) -> Floats:
     """Mask centre minus axis (rows,), px, over the rows between the axis' ends that hold a mask."""
     order = np.argsort(axis_px[:, 1])
@@ -212,9 +220,7 @@ def test_the_sun_casts_shadows(render: Render) -> None:
     weather = replace(WEATHERS["clear"], sun_azimuth_rad=0.0, sun_elevation_rad=0.7)
     lit = replace(weather, sun_azimuth_rad=np.pi)
     camera = basler_camera(WIDTH_PX)
-    T_camera_body = np.linalg.inv(camera.T_body_camera)
-    spot = T_camera_body[:3, :3] @ [WALL_M - 3.0, -8.5, 0.0] + T_camera_body[:3, 3]
-    column, row = np.rint(camera.project(spot[None])[0]).astype(int)
+    row, column = pixel_of(camera, [WALL_M - 3.0, -8.5, 0.0])
     patch = (slice(row - 2, row + 3), slice(column - 2, column + 3))
     dark, bright = render(weather).image[patch].mean(), render(lit).image[patch].mean()
     assert dark < 0.75 * bright
@@ -224,11 +230,36 @@ def test_lamps_light_the_road_at_dusk(scene: Scene, textures: Textures, render: 
     camera = basler_camera(WIDTH_PX)
     without = Renderer(scene, textures, camera, WEATHERS["dusk"], seed=3)
     dark = without.render(np.eye(4), speed_mps=0.0, yaw_rate_radps=0.0, frame_seed=0).image
-    T_camera_body = np.linalg.inv(camera.T_body_camera)
-    spot = T_camera_body[:3, :3] @ [PLACES_M[ALONE][0], 3.1, 0.0] + T_camera_body[:3, 3]
-    column, row = np.rint(camera.project(spot[None])[0]).astype(int)
+    row, column = pixel_of(camera, [PLACES_M[ALONE][0], 3.1, 0.0])
     patch = (slice(row - 2, row + 3), slice(column - 2, column + 3))
     assert render("dusk").image[patch].mean() > dark[patch].mean() + 10
+
+
+def test_wet_ground_mirrors_what_stands_on_it(textures: Textures) -> None:
+    """A red wall at the end of a car park is seen in it upside down when it is wet."""
+    builder, ground, wall = SceneBuilder(), MeshBuilder(), MeshBuilder()
+    ground.quad([[-50, -90, 0], [60, -90, 0], [60, 90, 0], [-50, 90, 0]], material=Material.PARKING_LOT)
+    wall.box([0.0, 0, 2.0], [0.3, 6, 4.0], Material.PLAIN)
+    builder.place(builder.add_prototype(ground.build()), [0, 0, 0], is_ground=True)
+    shape = builder.add_prototype(wall.build())
+    place = np.column_stack([np.eye(3), [20.0, 0, 0]])
+    camera, scene = basler_camera(256), builder.build()
+    # The mirror image of the wall's upper part is 3 m below ground: here the sight of it crosses the ground.
+    height_m, ahead_m = camera.T_body_camera[2, 3], camera.T_body_camera[0, 3]
+    ahead_m += (20.0 - ahead_m) * height_m / (height_m + 3.0)
+    row, column = pixel_of(camera, [ahead_m, 0.0, 0.0])
+    patch = (slice(row - 1, row + 2), slice(column - 3, column + 4))
+    redder = {}
+    for name in ("rain", "overcast"):
+        one = Renderer(scene, textures, camera, WEATHERS[name], seed=3)
+        seen = []
+        for moving in ((), [MovingObject(shape, place, (0.9, 0.05, 0.05), ())]):
+            frame = one.render(np.eye(4), speed_mps=0.0, yaw_rate_radps=0.0, frame_seed=0, moving=moving)
+            colour = frame.image[patch].reshape(-1, 3).mean(axis=0)
+            seen.append(colour[0] / colour[2])
+        redder[name] = seen[1] / seen[0] - 1.0
+    assert redder["rain"] > 0.03
+    assert abs(redder["overcast"]) < 0.01
 
 
 def test_moving_objects_hide_poles(render: Render, frame: RenderedFrame) -> None:
