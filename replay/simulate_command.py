@@ -25,6 +25,7 @@ def simulate(
     quality: int = 85,
     map_error: float = 1.5,
     gps_sigma: float = 3.0,
+    raw: Path | None = None,
     workers: int = 2,
     overwrite: bool = False,
     quiet: Annotated[bool, Parameter(alias="-q")] = False,
@@ -42,7 +43,7 @@ def simulate(
 
         scpf simulate -o rain.mcap --weather rain --start-m 1200 --duration 60 --width 1024 --seed 7
 
-        scpf simulate -o campus.mcap --map campus.geojson --map-error 0
+        scpf simulate -o campus.mcap --map campus.geojson --map-error 0 --raw campus_raw
 
     Parameters
     ----------
@@ -70,6 +71,9 @@ def simulate(
         Mean distance in m of a mapped pole from where it stands, the same all along the drive; 0 for an exact map.
     gps_sigma
         Deviation of the rough GPS in m an axis.
+    raw
+        Also write the raw files into this new folder: SBET, SMRMSG, GSOF, $GRP in a capture and NMEA, a camera's
+        folder, an MP4, a ROS 1 bag and a rosbag2. Without PyAV the MP4 is left out: exit code 3.
     workers
         Rendering processes; each takes some 0.7 GB of memory.
     overwrite
@@ -95,7 +99,7 @@ def simulate(
     progress = RenderProgress(quiet)
     try:
         report = simulate_drive(
-            output, settings, progress, road_map=road_map, workers=workers, overwrite=overwrite
+            output, settings, progress, road_map=road_map, raw=raw, workers=workers, overwrite=overwrite
         )
     except KeyboardInterrupt:
         progress.say(f"finished frames are kept in {frames_folder(output)}: the same command goes on")
@@ -108,7 +112,9 @@ def simulate(
         lost = f", {report.dropped} dropped by the camera" if report.dropped else ""
         print(f"{report.path}: {report.frames} frames in {report.duration_s:.3f} s ({report.weather}){lost}")
         print(f"  {report.poles_shown} sightings of poles, {report.poles_mapped} poles in the map")
-    return 0
+        for reason in report.left_out:
+            print(f"  left out: {reason}")
+    return 3 if report.left_out else 0
 
 
 class RenderProgress:

@@ -7,6 +7,7 @@ import json
 import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,6 +18,7 @@ from scpf.sample_logs.finished_frames import FinishedFrame, load_frame
 from scpf.sample_logs.render_jobs import open_folder, render_all
 from scpf.sample_logs.renderer import warm_up
 from scpf.sample_logs.simulated_log import ins_of, versions, write_log
+from scpf.sample_logs.simulated_raw import check_raw_folder, write_raw
 
 
 class Report(Protocol):
@@ -45,6 +47,8 @@ class DriveReport:
     weather: str
     poles_shown: int
     poles_mapped: int
+    left_out: list[str]
+    """Raw files that could not be written, and why."""
 
 
 def simulate_drive(
@@ -53,10 +57,13 @@ def simulate_drive(
     report: Report,
     *,
     road_map: RoadMap | None = None,
+    raw: Path | None = None,
     workers: int = 1,
     overwrite: bool = False,
 ) -> DriveReport:
     """Render a drive along ``road_map`` (None: the Ring Road) and write it as the drive log ``output``.
+
+    ``raw``: a new folder for the files that the log could have been ingested from.
 
     Finished frames lie in a folder beside it, see ``frames_folder``, until the log is whole: a later call with equal
     settings goes on with them. The bytes depend on the settings alone, not on ``workers``. Raises UsageError and
@@ -67,12 +74,20 @@ def simulate_drive(
         raise InputError(f"{output} exists", "choose another name, or give --overwrite")
     if not output.parent.is_dir():
         raise InputError(f"{output}: there is no folder {output.parent}")
+    if raw is not None:
+        check_raw_folder(raw)
     drive = SimulatedDrive(settings, road_map)
     count, folder = len(drive.vehicle), frames_folder(output)
     open_folder(folder, _identity(settings, road_map), overwrite=overwrite)
     warm_up(report.say)
     rendered = render_all(folder, count, replace(drive), workers=workers, progress=report.frame)
-    shown = write_log(output, drive, ins_of(drive), stored(folder, count), overwrite=overwrite)
+    ins, left_out = ins_of(drive), []
+    if raw is not None:
+        left_out = write_raw(folder / "raw", drive, ins, partial(stored, folder, count))
+    shown = write_log(output, drive, ins, stored(folder, count), overwrite=overwrite)
+    if raw is not None:
+        shutil.rmtree(raw, ignore_errors=True)  # empty, see above
+        shutil.move(folder / "raw", raw)
     shutil.rmtree(folder)
     stamps_ns = drive.vehicle.stamps_ns
     return DriveReport(
@@ -84,6 +99,7 @@ def simulate_drive(
         drive.weather.name,
         shown,
         len(drive.road.poles),
+        left_out,
     )
 
 

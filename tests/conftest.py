@@ -22,3 +22,15 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"real files not present: {folder} (set SCPF_SHARED_DATA)")
     return folder
+
+
+@pytest.fixture(scope="session")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a simulated drive of two seconds, drive.mcap, and its raw files in raw/."""
+    from scpf.replay.cli import run
+
+    folder = tmp_path_factory.mktemp("simulated")
+    options = ["--start-m", "300", "--duration", "2", "--seed", "3", "--weather", "cloudy", "--width", "128"]
+    options += ["--map-error", "0.3", "--workers", "1", "--raw", str(folder / "raw"), "-q"]
+    assert run(["simulate", "-o", str(folder / "drive.mcap"), *options]) == 0
+    return folder

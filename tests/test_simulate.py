@@ -33,11 +33,9 @@ GIVEN = {
 FRAMES = 27
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("simulated") / "drive.mcap"
-    assert simulate(path, "-q") == 0
-    return path
+@pytest.fixture
+def log(simulated: Path) -> Path:
+    return simulated / "drive.mcap"
 
 
 def simulate(path: Path, *more: str, **given: str) -> int:
