@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
+from maskrcnn_goldens import shapes_of
 
 from scpf.models import maskrcnn_segmenter, segmentation
 from scpf.models.checkpoint_keys import recognise
@@ -24,9 +23,7 @@ PREDICTOR = "roi_heads.box_predictor.cls_score"
 
 def originals(name: str) -> Tensors:
     """Zeros under the names, and in the shapes, of the original's state dictionary."""
-    with np.load(Path(__file__).with_name("golden") / "maskrcnn.npz") as file:
-        shapes = json.loads(file[f"{name}.tensors"].tobytes())
-    return {key: torch.zeros(shape) for key, shape in shapes.items()}
+    return {key: torch.zeros(shape) for key, shape in shapes_of(name).items()}
 
 
 def old_torchvision() -> Tensors:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import maskrcnn_rule as rule
 import numpy as np
 import pytest
 import torch
+from maskrcnn_goldens import Golden, golden_of, tensors_of
 
 from scpf.models import box_ops, maskrcnn_segmenter
 from scpf.models.instances import BoolMask
@@ -18,25 +17,8 @@ from scpf.models.maskrcnn_heads import Detections
 from scpf.models.maskrcnn_images import network_size
 from scpf.models.maskrcnn_segmenter import MaskRCNNSegmenter
 
-Golden = dict[str, Any]
 TOLERANCE = 1e-3  # px of boxes, and of scores and mask probabilities
 NAMES = {"torchvision": ("light_pole", "sign", "tree"), "detectron2": ("light_pole", "b", "c", "d", "e")}
-
-
-def golden_of(name: str) -> Golden:
-    with np.load(Path(__file__).with_name("golden") / "maskrcnn.npz") as file:
-        return {key.removeprefix(f"{name}."): file[key] for key in file.files if key.startswith(name)}
-
-
-def tensors_of(golden: Golden) -> dict[str, torch.Tensor]:
-    """The original's state dictionary, filled by the rule."""
-    shapes = json.loads(golden["tensors"].tobytes())
-    return {
-        name: torch.tensor(0)
-        if name.endswith("num_batches_tracked")
-        else torch.from_numpy(rule.weights(name, shape))
-        for name, shape in shapes.items()
-    }
 
 
 @pytest.fixture(scope="module", params=["torchvision", "detectron2"])
@@ -47,7 +29,7 @@ def compared(
     name: str = request.param
     golden = golden_of(name)
     path = tmp_path_factory.mktemp("weights") / "model.pth"
-    state: dict[str, Any] = tensors_of(golden)
+    state: dict[str, Any] = tensors_of(name)
     torch.save({"model": state, "iteration": 7} if name == "detectron2" else state, path)
     settings = CheckpointSettings(
         classes=NAMES[name], short_side_px=rule.SHORT_SIDE_PX, long_side_px=rule.LONG_SIDE_PX

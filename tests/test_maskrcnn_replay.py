@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import maskrcnn_rule as rule
-import numpy as np
 import pytest
 import torch
+from maskrcnn_goldens import tensors_of
 
 from scpf.replay.cli import run
 
@@ -25,16 +24,8 @@ classes = ["", "", "light_pole"]
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A torchvision Mask R-CNN of three classes, with the weights of the rule."""
     path = tmp_path_factory.mktemp("weights") / "lamps.pth"
-    with np.load(Path(__file__).with_name("golden") / "maskrcnn.npz") as file:
-        shapes = json.loads(file["torchvision.tensors"].tobytes())
-    torch.save(
-        {
-            name: torch.from_numpy(rule.weights(name, shape))
-            for name, shape in shapes.items()
-            if not name.endswith("num_batches_tracked")
-        },
-        path,
-    )
+    tensors = tensors_of("torchvision")
+    torch.save({key: tensors[key] for key in tensors if not key.endswith("num_batches_tracked")}, path)
     return path
 
 
