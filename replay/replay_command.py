@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -33,6 +33,8 @@ def replay(
     late: Literal["drop", "wait"] = "wait",
     start: float = 0.0,
     stop: float = float("inf"),
+    duration: float | None = None,
+    loop: int = 1,
     images: Literal["embed", "none"] = "embed",
     timing: bool = False,
     overwrite: bool = False,
@@ -50,6 +52,8 @@ def replay(
         scpf replay drive.mcap -o out --name no-gps --gps none --segmenter recorded
 
         scpf replay drive.mcap -o out --rate 13 --gps-outage 20:80
+
+        scpf replay drive.mcap -o out --start 60 --duration 30 --loop 3
 
     Parameters
     ----------
@@ -98,6 +102,10 @@ def replay(
         Where to begin, seconds after the log's first image.
     stop
         Where to end, seconds after the log's first image.
+    duration
+        How many seconds to replay from --start on, in place of --stop.
+    loop
+        Replay that many times over. Each pass after the first has the next seed, and files of its own: NAME.2.rrd ...
     images
         `embed` puts the log's own image bytes into the recording; `none` leaves them out: a fifth of the size
         for the sample drive.
@@ -112,18 +120,17 @@ def replay(
     """
     import json
 
-    from scpf.models.errors import UsageError
-    from scpf.replay.engine import Outputs
+    from scpf.replay import replay_options as options
     from scpf.replay.engine import replay as run
-    from scpf.replay.frames import Window
     from scpf.replay.pace import PaceSettings
     from scpf.replay.progress import Progress
+    from scpf.replay.replay_table import table
     from scpf.replay.settings import check
     from scpf.replay.settings import preset as settings_of
     from scpf.replay.settings_file import read_settings, to_toml
 
     settings = settings_of(preset or "paper") if config is None else read_settings(config, preset)
-    outages_s = tuple(_outage(text) for text in gps_outage) or None
+    outages_s = tuple(options.interval(text) for text in gps_outage) or None
     typed = {
         "segmenter": segmenter,
         "score_threshold": threshold,
@@ -131,39 +138,28 @@ def replay(
         "device": device,
         "distance_model": distance_model,
         "seed": seed,
-        "gps": replace(settings.gps, **_given(source=gps, sigma_m=gps_sigma, outages_s=outages_s)),
+        "gps": replace(settings.gps, **options.given(source=gps, sigma_m=gps_sigma, outages_s=outages_s)),
     }
-    settings = replace(settings, **_given(**typed))
+    settings = replace(settings, **options.given(**typed))
     check(settings)
     if show_config:
         print(to_toml(settings), end="")
         return 0
-    if not logs:
-        raise UsageError("which drive log?", "scpf replay LOG ...")
-    if not 0 <= start < stop:
-        raise UsageError(f"--start {start:g} --stop {stop:g}: nothing lies between them")
-    if not rate > 0:
-        raise UsageError(f"--rate {rate:g}: a rate is positive")
-    pacing = PaceSettings(_factor(pace), late)
-    if name and len(logs) > 1:
-        raise UsageError(f"--name {name} for {len(logs)} logs", "each is called by its own name")
-    names = [name or log.stem for log in logs]
-    if len(set(names)) < len(names):
-        raise UsageError("two logs of one name", "replay them into different folders")
-    jobs = [(log, Outputs.of(output, each)) for log, each in zip(logs, names, strict=True)]
-    for _, outputs in jobs:
+    window = options.window(start, stop, duration, rate)
+    pacing = PaceSettings(options.pace_factor(pace), late)
+    jobs = options.jobs(logs, output, name, settings, loop)
+    for job in jobs:
         if not overwrite:
-            outputs.refuse_existing()
+            job.outputs.refuse_existing()
     output.mkdir(parents=True, exist_ok=True)
-    window = Window(start, stop, rate)
     summaries = []
-    for log, outputs in jobs:
+    for job in jobs:
         try:
             with Progress(quiet) as progress:
                 summary = run(
-                    log,
-                    outputs,
-                    settings,
+                    job.log,
+                    job.outputs,
+                    job.settings,
                     window,
                     progress.step,
                     record_timing=timing,
@@ -171,76 +167,15 @@ def replay(
                     pace=pacing,
                 )
         except KeyboardInterrupt:
-            partial = outputs.recording.with_suffix(".partial.rrd")
+            partial = job.outputs.recording.with_suffix(".partial.rrd")
             if partial.exists():
                 print(f"scpf: what was replayed so far is in {partial}", file=sys.stderr)
             raise
         summaries.append(summary)
         for warning in summary["warnings"]:
-            print(f"scpf: {log}: {warning}", file=sys.stderr)
+            print(f"scpf: {job.log}: {warning}", file=sys.stderr)
         if format == "text":
-            print(table(summary, outputs), flush=True)
+            print(table(summary, job.outputs), flush=True)
     if format == "json":
         print(json.dumps(summaries[0] if len(summaries) == 1 else summaries, indent=1))
     return 3 if any(summary["warnings"] for summary in summaries) else 0
-
-
-def _given(**values: Any) -> dict[str, Any]:
-    """Those of the values that were typed."""
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def _outage(text: str) -> tuple[float, float]:
-    """The interval of ``A:B`` in seconds."""
-    from scpf.models.errors import UsageError
-
-    begin, _, end = text.partition(":")
-    try:
-        interval = (float(begin), float(end))
-    except ValueError:
-        interval = (0.0, 0.0)
-    if not interval[0] < interval[1]:
-        raise UsageError(f"--gps-outage {text}: not an interval", "write A:B, seconds after the first image")
-    return interval
-
-
-def _factor(text: str) -> float:
-    """How many times real time the pace ``max``, ``realtime`` or a number is."""
-    from scpf.models.errors import UsageError
-
-    try:
-        factor = {"max": float("inf"), "realtime": 1.0}.get(text) or float(text)
-    except ValueError:
-        factor = 0.0
-    if not factor > 0:
-        raise UsageError(f"--pace {text}: not a pace", "max, realtime, or a factor such as 0.5")
-    return factor
-
-
-def table(summary: dict[str, Any], outputs: Any) -> str:
-    """The short table for the terminal, the written files on its last lines."""
-    rows = []
-    preset = summary["settings"]["preset"]
-    for label, key in (
-        (f"position error ({preset})", "position"),
-        ("plain PF beside it", "baseline_position"),
-    ):
-        errors = summary["errors"].get(key)
-        if errors:
-            rows.append(
-                f"{label:<24} mean {errors['mean']:.2f} m   median {errors['median']:.2f}"
-                f"   95 % {errors['p95']:.2f}   worst {errors['max']:.2f}"
-            )
-    poles, rate = summary["poles_per_frame"], summary["rate"]
-    counted = "   ".join(f"{number}: {count}" for number, count in poles.items())
-    rows.append(f"{'poles a frame':<24} {counted}")
-    rows.append(
-        f"{'rate':<24} {rate['frames_per_s']:.1f} frames/s   {rate['real_time_factor']:.2f} × real time"
-    )
-    if "latency_median_ms" in rate:
-        rows.append(
-            f"{'from due to done':<24} median {rate['latency_median_ms']:.0f} ms"
-            f"   95 % {rate['latency_p95_ms']:.0f}   worst {rate['latency_max_ms']:.0f}"
-            f"   dropped {rate['dropped']}"
-        )
-    return "\n".join([*rows, *(f"{path}" for path in (outputs.recording, outputs.results, outputs.summary))])

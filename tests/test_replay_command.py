@@ -48,6 +48,10 @@ def test_rate_and_outage_reach_the_results(tmp_path: Path, capsys: pytest.Captur
         [str(SAMPLE), "--gps-outage", "30:20"],
         [str(SAMPLE), "--gps-outage", "soon"],
         [str(SAMPLE), "--rate", "0"],
+        [str(SAMPLE), "--stop", "3", "--duration", "2"],
+        [str(SAMPLE), "--duration", "0"],
+        [str(SAMPLE), "--start", "3", "--stop", "3"],
+        [str(SAMPLE), "--loop", "0"],
     ],
     ids=" ".join,
 )
@@ -58,6 +62,24 @@ def test_what_makes_no_sense_is_refused_before_anything_is_written(
     assert run(["replay", *options, "-o", str(out)]) == 2
     assert capsys.readouterr().err.startswith("scpf: ")
     assert not out.exists()
+
+
+def test_a_duration_counts_from_the_start_and_each_pass_has_the_next_seed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stretch = ["--segmenter", "recorded", "--start", "2", "--duration", "0.6", "--seed", "5"]
+    assert run(["replay", str(SAMPLE), "-o", str(tmp_path), *stretch, "--loop", "2", "--format", "json"]) == 0
+    first, second = json.loads(capsys.readouterr().out)
+    assert first["window"]["start_s"] == 2.0 and first["window"]["stop_s"] == pytest.approx(2.6)
+    assert first["frames"] == second["frames"] == 8
+    assert (first["settings"]["seed"], second["settings"]["seed"]) == (5, 6)
+    assert first["errors"]["position"]["mean"] != second["errors"]["position"]["mean"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        f"ring_road{number}.{kind}" for number in ("", ".2") for kind in ("json", "results.mcap", "rrd")
+    )
+    alone = ["--seed", "6", "--name", "alone", "--format", "json"]
+    assert run(["replay", str(SAMPLE), "-o", str(tmp_path), *stretch[:-2], *alone]) == 0
+    assert json.loads(capsys.readouterr().out)["errors"] == second["errors"]
 
 
 def test_images_alone_are_replayed_as_far_as_they_go(
