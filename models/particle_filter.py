@@ -11,7 +11,6 @@ from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from scpf.models.constraints import Constraint, log_probability
 from scpf.models.motion import MotionModel
@@ -111,7 +110,7 @@ class ParticleFilter:
             log_likelihood = log_likelihood + fix.log_likelihood(self._states)
         lost = bool(log_likelihood.max(initial=-np.inf) < LOST_LOG_LIKELIHOOD)
         joint = self._log_weights + log_likelihood
-        log_evidence = float(logsumexp(joint))
+        log_evidence = float(np.logaddexp.reduce(joint))
         self._log_weights = joint - log_evidence
         landmarks = any(constraint.name.startswith("landmark") for constraint in constraints)
         state: State = "lost" if lost else "tracking" if landmarks else "unconstrained"

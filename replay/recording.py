@@ -167,8 +167,9 @@ class Recording:
         weights = belief.weights.astype(np.float32)
         share = (weights / max(float(weights.max()), 1e-30))[:, None]
         colours = (PARTICLE_LIGHT + share * (PARTICLE_HEAVY - PARTICLE_LIGHT)).astype(np.uint8)
-        points = rr.Points3D.from_fields(positions=shapes.on_ground(belief.states[:, :2]), colors=colours)
-        self._rec.log("world/particles", points, rr.AnyValues(weight=weights))
+        positions = shapes.on_ground(belief.states[:, :2])
+        self._rows.add("world/particles", rr.Points3D.columns, positions=positions, colors=colours)
+        self._rows.add("world/particles", rr.AnyValues.columns, weight=weights)
 
     def _log_distances(self, step: Step) -> None:
         rings, ids, seen = [], [], set[str]()
@@ -216,8 +217,8 @@ class Recording:
             ("log_probability", "peak", log_probability, log_probability == log_probability.max()),
             ("sum", "minimum", violation, violation == violation.min()),
         ):
-            grid = rr.GridMap.from_fields(data=values[::-1].astype(np.float16).tobytes(), translation=corner)
-            self._rec.log(f"world/surface/{name}", grid)
+            data = values[::-1].astype(np.float16).tobytes()
+            self._rows.add(f"world/surface/{name}", rr.GridMap.columns, data=[data], translation=[corner])
             at = shapes.cell_centre(surface, best)
             self._rows.add(f"world/surface/{name}/{marker}", rr.Points3D.columns, positions=at)
         self._scalar("surface/peak", peak)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ Columns = Callable[..., rr.ComponentColumnList]
 
 
 class RowBatches:
-    """Collects one row a frame for each entity, and sends each entity's rows as one chunk.
+    """Collects one row a frame for each entity and archetype, and sends all rows of one as one chunk.
 
     A row holds any number of instances; one of none shows nothing, as a cleared one. What is collected and not yet sent
     is lost when the process is killed, as what is not yet flushed is.
@@ -22,11 +23,7 @@ class RowBatches:
 
     def __init__(self, rec: rr.RecordingStream) -> None:
         self._rec = rec
-        self._frames: dict[str, list[int]] = defaultdict(list)
-        self._stamps_ns: dict[str, list[int]] = defaultdict(list)
-        self._values: dict[str, dict[str, list[Any]]] = {}
-        self._lengths: dict[str, list[int]] = defaultdict(list)
-        self._columns: dict[str, Columns] = {}
+        self._batches: dict[tuple[str, Columns], _Batch] = {}
         self._frame, self._stamp_ns = 0, 0
 
     def at(self, frame: int, stamp_ns: int) -> None:
@@ -34,28 +31,39 @@ class RowBatches:
         self._frame, self._stamp_ns = frame, stamp_ns
 
     def add(self, entity: str, columns: Columns, **values: Sequence[Any] | NDArray[Any]) -> None:
-        """One row of ``entity``: ``columns`` of its archetype, ``values`` each component's instances, equally many."""
-        self._columns[entity] = columns
-        collected = self._values.setdefault(entity, {name: [] for name in values})
-        length = 0
+        """One row of ``entity``: ``columns`` of its archetype, ``values`` each component's instances, equally many.
+
+        An array's instances lie along its first axis.
+        """
+        batch = self._batches.setdefault((entity, columns), _Batch())
+        batch.frames.append(self._frame)
+        batch.stamps_ns.append(self._stamp_ns)
+        batch.lengths.append(len(next(iter(values.values()))))
         for name, instances in values.items():
-            collected[name].extend(instances)
-            length = len(instances)
-        self._lengths[entity].append(length)
-        self._frames[entity].append(self._frame)
-        self._stamps_ns[entity].append(self._stamp_ns)
+            batch.values[name].append(instances)
 
     def send(self) -> None:
         """Send all that was collected."""
-        for entity, values in self._values.items():
-            stamps = np.array(self._stamps_ns[entity], dtype="datetime64[ns]")
-            indexes = [
-                rr.TimeColumn("frame", sequence=self._frames[entity]),
-                rr.TimeColumn("time", timestamp=stamps),
-            ]
-            rows = self._columns[entity](**values).partition(self._lengths[entity])
-            self._rec.send_columns(entity, indexes, rows)
-        self._values.clear()
-        self._lengths.clear()
-        self._frames.clear()
-        self._stamps_ns.clear()
+        for (entity, columns), batch in self._batches.items():
+            stamps = np.array(batch.stamps_ns, dtype="datetime64[ns]")
+            indexes = [rr.TimeColumn("frame", sequence=batch.frames), rr.TimeColumn("time", timestamp=stamps)]
+            values = {name: _joined(rows) for name, rows in batch.values.items()}
+            self._rec.send_columns(entity, indexes, columns(**values).partition(batch.lengths))
+        self._batches.clear()
+
+
+@dataclass
+class _Batch:
+    """Rows of one entity and archetype that wait to be sent."""
+
+    frames: list[int] = field(default_factory=list)
+    stamps_ns: list[int] = field(default_factory=list)
+    lengths: list[int] = field(default_factory=list)
+    values: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
+
+
+def _joined(rows: list[Any]) -> Sequence[Any] | NDArray[Any]:
+    """All rows' instances one after the other."""
+    if isinstance(rows[0], np.ndarray):
+        return np.concatenate(rows)
+    return [instance for row in rows for instance in row]
