@@ -32,13 +32,14 @@ class Ahead:
     """A segmenter for `Pipeline` whose work on a frame is done by the time that `frames` hands the frame out.
 
     ``workers`` frames at most are under way, and ``depth`` at most are read ahead: memory stays bounded however slow
-    the reader is, and a small depth keeps the latency low where the frames come at their own time.
+    the reader is, and a small depth keeps the latency low where the frames come at their own time. The depth may change
+    on the way.
     A frame whose segmentation fails has no instances and says so in its ``problems``.
     """
 
     def __init__(self, segment: Segment, workers: int = 2, depth: int = 4) -> None:
         self._segment = segment
-        self._workers, self._depth = workers, depth
+        self._workers, self.depth = workers, depth
         self._current = _Segmented((), 0.0)
 
     def frames(self, frames: Iterable[Frame]) -> Generator[Frame, None, None]:
@@ -49,7 +50,7 @@ class Ahead:
             cleanup.callback(lambda: [future.cancel() for _, future in under_way])
             for frame in frames:
                 under_way.append((frame, pool.submit(self._run, frame)))
-                if len(under_way) > self._depth:
+                while len(under_way) > self.depth:
                     yield self._finished(*under_way.popleft())
             while under_way:
                 yield self._finished(*under_way.popleft())

@@ -23,6 +23,7 @@ from scpf.models.road_map import RoadMap, to_geojson
 from scpf.replay import distance_models
 from scpf.replay.about import about
 from scpf.replay.ahead import Ahead
+from scpf.replay.controls import Controls
 from scpf.replay.frames import Window, first_state, read_frames
 from scpf.replay.pace import FULL_SPEED, Pace, PaceSettings
 from scpf.replay.pipeline import DistanceSource, Pipeline
@@ -67,12 +68,14 @@ def replay(
     record_timing: bool = False,
     images: bool = True,
     pace: PaceSettings = FULL_SPEED,
+    controls: Controls | None = None,
 ) -> dict[str, Any]:
     """Replay one drive log; returns the summary that ``outputs.summary`` holds.
 
     ``on_step(step, done, total)`` is called after every frame; ``total`` counts the log's images. The recording
     is a function of log, settings and version alone, unless ``record_timing`` adds what each stage took; without
     ``images`` it leaves the pictures out. At a live ``pace`` that drops frames, it depends on the machine too.
+    ``controls`` may pause it, and end it before the last frame.
     """
     # Matrices of a step are small: a second BLAS thread costs ten times what it saves.
     with threadpool_limits(1, "blas"), DriveLog(log_path) as log, ExitStack() as files:
@@ -102,7 +105,9 @@ def replay(
             "versions": {package: version(package) for package in REPORTED_PACKAGES},
             "distance_model": dict(model.metadata) if model is not None else {},
         }
-        clock = Pace(pace)
+        controls = controls or Controls()
+        clock = Pace(pace, sleep=controls.sleep)
+        controls.govern(clock)
         segment = build(
             settings.segmenter,
             settings.score_threshold,
@@ -110,7 +115,7 @@ def replay(
             settings.device,
             settings.checkpoint,
         )
-        ahead = Ahead(segment, depth=1) if clock.live else Ahead(segment)
+        ahead = Ahead(segment, depth=clock.frames_ahead)
         pipeline = Pipeline(settings, ahead, model, camera, road_map)
         recorded = settings.segmenter == RECORDED
         frames = read_frames(
@@ -159,11 +164,15 @@ def replay(
             done += 1
             if done == 1:
                 # The first frame pays for loading the network: the rate counts from its end.
-                begun, first_ns = time.perf_counter(), frame.stamp_ns
+                begun, first_ns = time.perf_counter() - controls.waited_s, frame.stamp_ns
             on_step(step, done, total)
+            if not controls.goes_on():
+                warnings.append(f"ended by a key after {done} of {total} images")
+                break
+            ahead.depth = clock.frames_ahead
         if not done:
             raise InputError(f"{log_path}: no image between {window.start_s} s and {window.stop_s} s")
-        elapsed_s = max(time.perf_counter() - begun, 1e-9)
+        elapsed_s = max(time.perf_counter() - controls.waited_s - begun, 1e-9)
         summary = results.summary()
         summary["rate"] = {
             "frames_per_s": (done - 1) / elapsed_s,

@@ -6,16 +6,23 @@ import sys
 import time
 from types import TracebackType
 
+from scpf.replay.controls import Controls
 from scpf.replay.step import Step
 
 
 class Progress:
-    """A progress line that is redrawn at most ten times a second; silent where stderr is no terminal."""
+    """A progress line that is redrawn at most ten times a second; silent where stderr is no terminal.
 
-    def __init__(self, quiet: bool) -> None:
+    What ``controls`` waited does not count, and the line ends with their state.
+    """
+
+    def __init__(self, quiet: bool, controls: Controls | None = None) -> None:
         self._shown = not quiet and sys.stderr.isatty()
-        self._begun = self._drawn = time.monotonic()
+        self._controls = controls or Controls()
+        self._controls.on_change = self._draw
+        self._begun = self._drawn = self._now()
         self._first_ns = 0
+        self._line = ""
 
     def __enter__(self) -> Progress:
         return self
@@ -27,20 +34,37 @@ class Progress:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
 
+    def say(self, text: str) -> None:
+        """A line that stays."""
+        if self._shown:
+            print(text, file=sys.stderr)
+
     def step(self, step: Step, done: int, total: int) -> None:
         """Note one finished frame of ``total``."""
-        now = time.monotonic()
+        now = self._now()
         if done == 1:
             # The first frame pays for loading the network: the rate counts from its end.
             self._begun, self._first_ns = now, step.frame.stamp_ns
-        if not self._shown or (now - self._drawn < 0.1 and done < total):
+        hurried = now - self._drawn < 0.1 and done < total and not self._controls.paused
+        if not self._shown or hurried:
             return
         self._drawn = now
         elapsed = max(now - self._begun, 1e-3)
         rate = (done - 1) / elapsed
         real_time = (step.frame.stamp_ns - self._first_ns) * 1e-9 / elapsed
         left = (total - done) / rate if rate else 0.0
-        sys.stderr.write(
-            f"\r\x1b[Kframe {done}/{total}  {rate:.1f} frames/s  {real_time:.2f} × real time  {left:.0f} s left"
+        self._line = (
+            f"frame {done}/{total}  {rate:.1f} frames/s  {real_time:.2f} × real time  {left:.0f} s left"
         )
-        sys.stderr.flush()
+        self._draw()
+
+    def _draw(self) -> None:
+        if self._shown:
+            sys.stderr.write(
+                "\r\x1b[K" + "  ".join(part for part in (self._line, self._controls.state()) if part)
+            )
+            sys.stderr.flush()
+
+    def _now(self) -> float:
+        """Time (s) without what was spent waiting for somebody."""
+        return time.monotonic() - self._controls.waited_s

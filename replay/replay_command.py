@@ -31,6 +31,7 @@ def replay(
     rate: float = float("inf"),
     pace: str = "max",
     late: Literal["drop", "wait"] = "wait",
+    step: Annotated[bool, Parameter(negative="")] = False,
     start: float = 0.0,
     stop: float = float("inf"),
     duration: float | None = None,
@@ -44,6 +45,9 @@ def replay(
     """Replay drive logs through segmentation, distance prediction and the particle filter.
 
     Each leaves NAME.rrd (open it with `scpf view`), NAME.results.mcap and NAME.json.
+
+    On a terminal, keys steer it: space pauses and goes on, n is one frame while paused, + and - double and halve the
+    pace (from `max`, - is real time), q ends it with whole files of what was done.
 
     Examples:
 
@@ -98,6 +102,8 @@ def replay(
         `max`: as fast as it goes, nothing dropped. `realtime`, or a factor such as 0.5: each frame at its own time.
     late
         At a live pace, a frame that comes later than its interval: run it all the same, or drop it and count it.
+    step
+        Pause after every frame: n or Enter is the next one, space goes on without stopping.
     start
         Where to begin, seconds after the log's first image.
     stop
@@ -120,8 +126,11 @@ def replay(
     """
     import json
 
+    from scpf.models.errors import UsageError
     from scpf.replay import replay_options as options
+    from scpf.replay.controls import HINT, Controls
     from scpf.replay.engine import replay as run
+    from scpf.replay.keys import Keyboard
     from scpf.replay.pace import PaceSettings
     from scpf.replay.progress import Progress
     from scpf.replay.replay_table import table
@@ -148,34 +157,44 @@ def replay(
     window = options.window(start, stop, duration, rate)
     pacing = PaceSettings(options.pace_factor(pace), late)
     jobs = options.jobs(logs, output, name, settings, loop)
+    keyboard = Keyboard()
+    if step and not keyboard.present:
+        raise UsageError("--step takes its keys from a terminal, and there is none")
     for job in jobs:
         if not overwrite:
             job.outputs.refuse_existing()
     output.mkdir(parents=True, exist_ok=True)
     summaries = []
-    for job in jobs:
-        try:
-            with Progress(quiet) as progress:
-                summary = run(
-                    job.log,
-                    job.outputs,
-                    job.settings,
-                    window,
-                    progress.step,
-                    record_timing=timing,
-                    images=images == "embed",
-                    pace=pacing,
-                )
-        except KeyboardInterrupt:
-            partial = job.outputs.recording.with_suffix(".partial.rrd")
-            if partial.exists():
-                print(f"scpf: what was replayed so far is in {partial}", file=sys.stderr)
-            raise
-        summaries.append(summary)
-        for warning in summary["warnings"]:
-            print(f"scpf: {job.log}: {warning}", file=sys.stderr)
-        if format == "text":
-            print(table(summary, job.outputs), flush=True)
+    with keyboard:
+        controls = Controls(keyboard, step)
+        for job in jobs:
+            try:
+                with Progress(quiet, controls) as progress:
+                    if keyboard.present and job is jobs[0]:
+                        progress.say(HINT)
+                    summary = run(
+                        job.log,
+                        job.outputs,
+                        job.settings,
+                        window,
+                        progress.step,
+                        record_timing=timing,
+                        images=images == "embed",
+                        pace=pacing,
+                        controls=controls,
+                    )
+            except KeyboardInterrupt:
+                partial = job.outputs.recording.with_suffix(".partial.rrd")
+                if partial.exists():
+                    print(f"scpf: what was replayed so far is in {partial}", file=sys.stderr)
+                raise
+            summaries.append(summary)
+            for warning in summary["warnings"]:
+                print(f"scpf: {job.log}: {warning}", file=sys.stderr)
+            if format == "text":
+                print(table(summary, job.outputs), flush=True)
+            if controls.ended:
+                break
     if format == "json":
         print(json.dumps(summaries[0] if len(summaries) == 1 else summaries, indent=1))
     return 3 if any(summary["warnings"] for summary in summaries) else 0
