@@ -1,4 +1,4 @@
-"""``scpf simulate``: a drive log of a simulated bus ride past light poles."""
+"""``scpf simulate``: a drive log of a simulated bus ride past light poles, or a training set of such pictures."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from cyclopts import Parameter
 def simulate(
     *,
     output: Annotated[Path, Parameter(alias="-o")],
+    labels: Literal["labelme", "coco", "ids"] | None = None,
+    count: int | None = None,
     map: Path | None = None,
     start_m: float = 0.0,
     duration: float = 10.0,
@@ -21,8 +23,8 @@ def simulate(
     seed: int = 0,
     world_seed: int | None = None,
     weather: str = "random",
-    width: int = 2048,
-    quality: int = 85,
+    width: int | None = None,
+    quality: int | None = None,
     map_error: float = 1.5,
     gps_sigma: float = 3.0,
     raw: Path | None = None,
@@ -37,6 +39,9 @@ def simulate(
     surveyed (map.geojson) and true (true_map.geojson). The same seed gives the same bytes, however many workers share
     the work. Finished frames lie in NAME.frames until all is written: the same command goes on after an interruption.
 
+    With --labels, a folder of labelled pictures instead, from random places along the road: other poles, weather,
+    season and camera at each.
+
     Examples:
 
         scpf simulate -o drive.mcap
@@ -45,10 +50,17 @@ def simulate(
 
         scpf simulate -o campus.mcap --map campus.geojson --map-error 0 --raw campus_raw
 
+        scpf simulate --labels coco --count 2000 -o poles
+
     Parameters
     ----------
     output
-        The drive log to write.
+        The drive log to write; with --labels the folder.
+    labels
+        Write a training set: a JSON of labelme beside each picture, one COCO file, or images of ids for
+        `scpf train segmenter`. Poles that are too small, thin or hidden to be judged are marked "ignored".
+    count
+        Number of its pictures.
     map
         Road map (.geojson of `scpf map from`) to drive along; by default the University of Waterloo's Ring Road.
     start_m
@@ -64,9 +76,10 @@ def simulate(
     weather
         clear, cloudy, overcast, rain, lowsun, dusk, or random: one of them, with another sun and haze.
     width
-        Width of the pictures in px, a multiple of 4 from 64 to 2048; they are 4:3.
+        Width of the pictures in px, a multiple of 4 from 64 to 2048; they are 4:3. 2048 unless told; 1024 in training
+        sets, where some pictures are smaller or wide.
     quality
-        JPEG quality, 1 to 100.
+        JPEG quality, 1 to 100; 85 unless told, 90 in training sets.
     map_error
         Mean distance in m of a mapped pole from where it stands, the same all along the drive; 0 for an exact map.
     gps_sigma
@@ -88,33 +101,75 @@ def simulate(
     from scpf.ingest.maps import read_map
     from scpf.models.errors import UsageError
     from scpf.sample_logs.drive_frames import DriveSettings
-    from scpf.sample_logs.simulation import frames_folder, simulate_drive
+    from scpf.sample_logs.simulation import DriveReport, frames_folder, simulate_drive
+    from scpf.sample_logs.training_places import SetSettings
+    from scpf.sample_logs.training_set import SetReport, simulate_set
 
     if not 1 <= workers <= 64:
         raise UsageError(f"--workers {workers} is not 1 to 64")
-    settings = DriveSettings(
-        start_m, duration, seed, world_seed, weather, width, quality, map_error, gps_sigma, stop_at_m
-    )
+    if (labels is None) != (count is None):
+        raise UsageError(
+            "--labels and --count go together", "--labels coco --count 2000 -o FOLDER, for example"
+        )
+    drive_only = {
+        "--start-m": start_m != 0.0,
+        "--duration": duration != 10.0,
+        "--stop-at-m": stop_at_m is not None,
+        "--world-seed": world_seed is not None,
+        "--map-error": map_error != 1.5,
+        "--gps-sigma": gps_sigma != 3.0,
+        "--raw": raw is not None,
+    }
+    odd = [name for name, is_given in drive_only.items() if is_given]
+    if labels is not None and odd:
+        raise UsageError(f"{', '.join(odd)}: of drives, not of training sets")
     road_map = None if map is None else read_map(map)
     progress = RenderProgress(quiet)
+    report: DriveReport | SetReport
     try:
-        report = simulate_drive(
-            output, settings, progress, road_map=road_map, raw=raw, workers=workers, overwrite=overwrite
-        )
+        if labels is not None and count is not None:
+            wanted = SetSettings(
+                count, seed, weather, 1024 if width is None else width, 90 if quality is None else quality
+            )
+            report = simulate_set(
+                output, wanted, labels, progress, road_map=road_map, workers=workers, overwrite=overwrite
+            )
+        else:
+            width_px, jpeg_quality = 2048 if width is None else width, 85 if quality is None else quality
+            settings = DriveSettings(
+                start_m,
+                duration,
+                seed,
+                world_seed,
+                weather,
+                width_px,
+                jpeg_quality,
+                map_error,
+                gps_sigma,
+                stop_at_m,
+            )
+            report = simulate_drive(
+                output, settings, progress, road_map=road_map, raw=raw, workers=workers, overwrite=overwrite
+            )
     except KeyboardInterrupt:
         progress.say(f"finished frames are kept in {frames_folder(output)}: the same command goes on")
         raise
     finally:
         progress.close()
+    left_out = report.left_out if isinstance(report, DriveReport) else []
     if format == "json":
         print(json.dumps(asdict(report), indent=1))
-    else:
+    elif isinstance(report, DriveReport):
         lost = f", {report.dropped} dropped by the camera" if report.dropped else ""
         print(f"{report.path}: {report.frames} frames in {report.duration_s:.3f} s ({report.weather}){lost}")
         print(f"  {report.poles_shown} sightings of poles, {report.poles_mapped} poles in the map")
-        for reason in report.left_out:
+    else:
+        shares = ", ".join(f"{number} {name}" for name, number in report.weathers.items())
+        print(f"{report.path}: {report.pictures} pictures ({shares}), {report.poles} labelled poles")
+    if format == "text":
+        for reason in left_out:
             print(f"  left out: {reason}")
-    return 3 if report.left_out else 0
+    return 3 if left_out else 0
 
 
 class RenderProgress:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scpf.models.camera import R_BODY_OPTICAL, Camera
 from scpf.models.errors import InputError
 
+Array = NDArray[np.float64]
+
 FULL_WIDTH_PX, FULL_HEIGHT_PX = 2048, 1536
+SMALLEST_WIDTH_PX: Final = 64
 FOCAL_PX: Final = (1465.0, 1465.0 * 1.0007)
 CENTRE_OFF_PX: Final = (11.3, -9.6)
 """Of the principal point, from the middle of the sensor."""
@@ -34,16 +38,22 @@ def basler_camera(width_px: int = FULL_WIDTH_PX) -> Camera:
     matrix = np.array(
         [[FOCAL_PX[0] * scale, 0.0, centre_x], [0.0, FOCAL_PX[1] * scale, centre_y], [0.0, 0.0, 1.0]]
     )
-    mounted = np.eye(4)
-    mounted[:3, :3] = _turn(2, YAW_DEG) @ _turn(1, -PITCH_DEG) @ _turn(0, ROLL_DEG) @ R_BODY_OPTICAL
-    mounted[:3, 3] = AHEAD_M, 0.0, HEIGHT_M
+    mounted = mount(AHEAD_M, HEIGHT_M, YAW_DEG, PITCH_DEG, ROLL_DEG)
     return Camera(
         width_px, width_px * 3 // 4, matrix, np.array(DISTORTION), "plumb_bob", T_body_camera=mounted
     )
 
 
-def _turn(axis: int, angle_deg: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Rotation (3, 3) about the x, y or z axis, by the right-hand rule."""
+def mount(ahead_m: float, height_m: float, yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
+    """``T_body_camera`` (4, 4) of a camera in the middle, turned to the left, upwards, and clockwise as it sees."""
+    mounted = np.eye(4)
+    mounted[:3, :3] = rotation(2, yaw_deg) @ rotation(1, -pitch_deg) @ rotation(0, roll_deg) @ R_BODY_OPTICAL
+    mounted[:3, 3] = ahead_m, 0.0, height_m
+    return mounted
+
+
+def rotation(axis: int, angle_deg: float) -> Array:
+    """Rotation matrix (3, 3) about the x, y or z axis (0, 1, 2), by the right-hand rule."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     i, j = (axis + 1) % 3, (axis + 2) % 3
     turn = np.eye(3)

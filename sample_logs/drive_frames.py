@@ -5,25 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
 from scpf.models.camera import Camera
 from scpf.models.errors import InputError, UsageError
 from scpf.models.road_map import RoadMap
-from scpf.sample_logs.basler import FULL_WIDTH_PX, basler_camera
+from scpf.sample_logs.basler import FULL_WIDTH_PX, SMALLEST_WIDTH_PX, basler_camera
 from scpf.sample_logs.finished_frames import FinishedFrame, encode_jpeg, seen_poles
 from scpf.sample_logs.render_jobs import Make
 from scpf.sample_logs.renderer import Renderer
 from scpf.sample_logs.simulated_road import SimulatedRoad, simulated_road
 from scpf.sample_logs.traffic import Traffic
 from scpf.sample_logs.vehicle import RATE_HZ, VehicleDrive, simulate_vehicle
-from scpf.sample_logs.weather import WEATHERS, Weather, drawn_weather
+from scpf.sample_logs.weather import RANDOM, WEATHERS, Weather, drawn_weather
 from scpf.sample_logs.world import build_world
-
-RANDOM: Final = "random"
-SMALLEST_WIDTH_PX: Final = 64
 
 
 @dataclass(frozen=True)
@@ -46,13 +42,7 @@ class DriveSettings:
 
 def check(settings: DriveSettings) -> None:
     """Raise UsageError where a value has no meaning, before anything is built."""
-    if settings.weather not in (*WEATHERS, RANDOM):
-        raise UsageError(f"no weather {settings.weather!r}", f"known: {', '.join(WEATHERS)}, {RANDOM}")
-    if not SMALLEST_WIDTH_PX <= settings.width_px <= FULL_WIDTH_PX or settings.width_px % 4:
-        hint = f"a multiple of 4 from {SMALLEST_WIDTH_PX} to {FULL_WIDTH_PX}"
-        raise UsageError(f"pictures {settings.width_px} px wide", hint)
-    if not 1 <= settings.quality <= 100:
-        raise UsageError(f"a JPEG quality of {settings.quality}", "give 1 to 100")
+    check_pictures(settings.weather, settings.width_px, settings.quality)
     if settings.seed < 0 or (settings.world_seed or 0) < 0:
         raise UsageError("a negative seed")
     numbers = (settings.start_m, settings.duration_s, settings.map_error_m, settings.gps_sigma_m)
@@ -62,6 +52,17 @@ def check(settings: DriveSettings) -> None:
         raise InputError(
             f"a GPS with a standard deviation of {settings.gps_sigma_m} m", "give a positive one"
         )
+
+
+def check_pictures(weather: str, width_px: int, quality: int) -> None:
+    """Raise UsageError for pictures that cannot be made."""
+    if weather not in (*WEATHERS, RANDOM):
+        raise UsageError(f"no weather {weather!r}", f"known: {', '.join(WEATHERS)}, {RANDOM}")
+    if not SMALLEST_WIDTH_PX <= width_px <= FULL_WIDTH_PX or width_px % 4:
+        hint = f"a multiple of 4 from {SMALLEST_WIDTH_PX} to {FULL_WIDTH_PX}"
+        raise UsageError(f"pictures {width_px} px wide", hint)
+    if not 1 <= quality <= 100:
+        raise UsageError(f"a JPEG quality of {quality}", "give 1 to 100")
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -25,7 +26,11 @@ CLASS: Final = "light_pole"
 NOT_JUDGED: Final = 255
 LEAST_FRACTION: Final = 0.25
 LEAST_HEIGHT_SHARE: Final = 0.03
-"""In id images, a pole of which less shows, or that is lower (of the picture's height), may be found or not."""
+LEAST_THICKNESS_PX: Final = 1.5
+"""A pole of which less shows, that is lower (of the picture's height), or thinner on average, may be found or not: at
+1024 px such a pole stands some 75 m away, at 2048 px 150 m."""
+IGNORED_CLASS: Final = "ignored"
+"""What labelme's files call it."""
 
 
 def write_labels(
@@ -49,10 +54,14 @@ def write_labels(
 
 
 def _write_labelme(folder: Path, name: str, frame: FinishedFrame) -> None:
-    labelled = [
-        Labelled(pole.instance, f"{pole.distance_m:.2f} m, {100 * pole.visible_fraction:.0f} % visible")
-        for pole in frame.poles
-    ]
+    labelled = []
+    for pole in frame.poles:
+        shown = pole.instance
+        if not _is_judged(pole, frame):
+            shown = replace(shown, landmark_class=IGNORED_CLASS)
+        labelled.append(
+            Labelled(shown, f"{pole.distance_m:.2f} m, {100 * pole.visible_fraction:.0f} % visible")
+        )
     content = labelme_json(f"{name}.jpg", (frame.width_px, frame.height_px), labelled)
     write_whole(folder / f"{name}.json", content)
 
@@ -67,8 +76,10 @@ def _write_ids(folder: Path, name: str, frame: FinishedFrame) -> None:
 
 
 def _is_judged(pole: SeenPole, frame: FinishedFrame) -> bool:
-    high_enough = pole.instance.height_px >= LEAST_HEIGHT_SHARE * frame.height_px
-    return high_enough and pole.visible_fraction >= LEAST_FRACTION
+    instance = pole.instance
+    high_enough = instance.height_px >= LEAST_HEIGHT_SHARE * frame.height_px
+    thick_enough = int(instance.mask.sum()) >= LEAST_THICKNESS_PX * instance.height_px
+    return high_enough and thick_enough and pole.visible_fraction >= LEAST_FRACTION
 
 
 def _write_coco(folder: Path, frames: Iterator[tuple[str, FinishedFrame]], about: dict[str, Any]) -> int:
@@ -96,6 +107,7 @@ def _write_coco(folder: Path, frames: Iterator[tuple[str, FinishedFrame]], about
                 "area": int(mask.sum()),
                 "bbox": [x1, y1, x2 - x1, y2 - y1],
                 "iscrowd": 0,
+                "ignore": int(not _is_judged(pole, frame)),
                 "distance_m": pole.distance_m,
                 "visible_fraction": pole.visible_fraction,
             }

@@ -12,22 +12,25 @@ ELBOW_END_RAD = np.pi / 2 * 0.93
 """The elbow stops short of level: arms rise a little towards the lamp."""
 
 
-def road_lamp(height_m: float = 8.6, arm_m: float = 1.7) -> Mesh:
-    """A tapered pole with a curved elbow and a flat lamp over the road, which lies towards +x."""
+def road_lamp(height_m: float = 8.6, arm_m: float = 1.7, girth: float = 1.0) -> Mesh:
+    """A tapered pole with a curved elbow and a flat lamp over the road, which lies towards +x.
+
+    ``girth``: thickness of the pole, relative to the Ring Road's.
+    """
     mesh = MeshBuilder()
     mesh.box([0, 0, 0.02], [0.46, 0.46, 0.06], Material.METAL)
-    mesh.tube([[0, 0, 0.04], [0, 0, 0.30], [0, 0, 0.36]], [0.17, 0.16, 0.105], 16, Material.METAL)
+    mesh.tube([[0, 0, 0.04], [0, 0, 0.30], [0, 0, 0.36]], [0.17, 0.16, 0.105 * girth], 16, Material.METAL)
     shaft_top = height_m - 1.15
     heights = np.linspace(0.3, shaft_top, 7)
     path = [[0.0, 0.0, z] for z in heights]
-    radii = list(np.interp(heights, [0.3, shaft_top], [0.098, 0.062]))
+    radii = list(girth * np.interp(heights, [0.3, shaft_top], [0.098, 0.062]))
     for angle in np.linspace(0.18, ELBOW_END_RAD, 9):
         path.append([ELBOW_RADIUS_M * (1 - np.cos(angle)), 0.0, shaft_top + ELBOW_RADIUS_M * np.sin(angle)])
-        radii.append(0.058 - 0.014 * angle / 1.5)
+        radii.append(girth * (0.058 - 0.014 * angle / 1.5))
     elbow_end = np.array(path[-1])
     along_arm = np.array([np.sin(ELBOW_END_RAD), 0, np.cos(ELBOW_END_RAD)])
     arm_end = elbow_end + along_arm * max(0.25, arm_m - elbow_end[0])
-    mesh.tube([*path, list(arm_end)], [*radii, 0.040], 16, Material.METAL)
+    mesh.tube([*path, list(arm_end)], [*radii, 0.040 * girth], 16, Material.METAL)
     mesh.box([0.10, 0, 0.95], [0.02, 0.11, 0.30], Material.METAL)
     _add_lamp_head(mesh, arm_end)
     return mesh.build()

@@ -11,7 +11,7 @@ from scpf.sample_logs.weather import Weather
 
 Floats = NDArray[np.float64]
 
-LAMP_POWER, BEAM_POWER = 30.0, 55.0
+LAMP_POWER, BEAM_POWER = 50.0, 80.0
 WITHIN_M, BEHIND_M = 130.0, 20.0
 HEADLIGHTS_M: Final = ((2.6, 0.8, 0.8), (2.6, -0.8, 0.8))
 """In the body's frame."""

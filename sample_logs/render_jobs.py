@@ -14,6 +14,7 @@ import signal
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
@@ -63,12 +64,14 @@ def render_all(
     prepare: Prepare,
     *,
     workers: int = 1,
+    together: int = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> int:
     """Render the frames 0 to ``count`` - 1 that ``folder`` lacks; returns how many were rendered.
 
-    ``progress(done, resumed, count)`` is called after each, ``done`` counting the resumed ones. Raises ScpfError
-    where a worker process dies.
+    ``together``: so many consecutive frames share something costly, and go to one worker. ``progress(done, resumed,
+    count)`` is called after each such job, ``done`` counting the resumed ones. Raises ScpfError where a worker
+    process dies.
     """
     missing = [index for index in range(count) if load_frame(folder, index) is None]
     resumed = done = count - len(missing)
@@ -84,16 +87,16 @@ def render_all(
             if progress is not None:
                 progress(done, resumed, count)
         return len(missing)
+    jobs = [list(job) for _, job in groupby(missing, key=lambda index: index // together)]
     pool = ProcessPoolExecutor(
-        min(workers, len(missing)),
+        min(workers, len(jobs)),
         mp_context=multiprocessing.get_context("spawn"),
         initializer=_start,
         initargs=(prepare, folder),
     )
     try:
-        for future in as_completed([pool.submit(_render, index) for index in missing]):
-            future.result()
-            done += 1
+        for future in as_completed([pool.submit(_render, job) for job in jobs]):
+            done += future.result()
             if progress is not None:
                 progress(done, resumed, count)
     except BrokenProcessPool as error:
@@ -116,10 +119,12 @@ def _start(prepare: Prepare, folder: Path) -> None:
     _prepare, _folder = prepare, folder
 
 
-def _render(index: int) -> None:
+def _render(indices: list[int]) -> int:
     # Prepared here and not in _start: an error of its own then reaches the caller instead of breaking the pool.
     global _make
     if _make is None:
         assert _prepare is not None
         _make = _prepare()
-    save_frame(_folder, index, _make(index))
+    for index in indices:
+        save_frame(_folder, index, _make(index))
+    return len(indices)

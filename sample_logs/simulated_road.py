@@ -14,6 +14,7 @@ from scpf.models.geodesy import Origin
 from scpf.models.road_map import Landmark, RoadMap
 from scpf.sample_logs.centre_line import CentreLine
 from scpf.sample_logs.lamp_placement import LightPole, place_poles, poles_of_a_map
+from scpf.sample_logs.pole_looks import RING_ROAD_LOOK, PoleLook
 from scpf.sample_logs.ring_road import centre_line_of, default_road_map
 
 POLE_CLASS: Final = "light_pole"
@@ -47,15 +48,12 @@ class SimulatedRoad:
         """The road as it is."""
         return self._with_poles_at([pole.position_m for pole in self.poles], 0.0)
 
-    def lamps_m(self) -> NDArray[np.float64]:
+    def lamps_m(self, look: PoleLook = RING_ROAD_LOOK) -> NDArray[np.float64]:
         """Where the poles' lamps are (N, 3)."""
-        return np.array([self._lamp_m(pole) for pole in self.poles]).reshape(-1, 3)
-
-    def _lamp_m(self, pole: LightPole) -> list[float]:
-        inwards_m, height_m = 1.9, 8.45
-        over_road_m = pole.offset_m - np.copysign(inwards_m, pole.offset_m)
-        east, north = self.centre_line.at(pole.s_m, over_road_m)[0][:2]
-        return [float(east), float(north), height_m]
+        s_m, offset_m = np.array([(pole.s_m, pole.offset_m) for pole in self.poles]).reshape(-1, 2).T
+        lamps_m, _, _ = self.centre_line.at(s_m, offset_m - np.copysign(look.lamp_inwards_m, offset_m))
+        lamps_m[:, 2] = look.lamp_height_m
+        return lamps_m
 
     def _with_poles_at(
         self, places_m: Sequence[Sequence[float] | NDArray[np.float64]], variance_m2: float

@@ -19,6 +19,7 @@ from scpf.sample_logs.render_jobs import open_folder, render_all
 from scpf.sample_logs.renderer import warm_up
 from scpf.sample_logs.simulated_log import ins_of, versions, write_log
 from scpf.sample_logs.simulated_raw import check_raw_folder, write_raw
+from scpf.sample_logs.training_places import SetSettings
 
 
 class Report(Protocol):
@@ -78,7 +79,7 @@ def simulate_drive(
         check_raw_folder(raw)
     drive = SimulatedDrive(settings, road_map)
     count, folder = len(drive.vehicle), frames_folder(output)
-    open_folder(folder, _identity(settings, road_map), overwrite=overwrite)
+    open_folder(folder, identity(settings, road_map), overwrite=overwrite)
     warm_up(report.say)
     rendered = render_all(folder, count, replace(drive), workers=workers, progress=report.frame)
     ins, left_out = ins_of(drive), []
@@ -117,11 +118,11 @@ def stored(folder: Path, count: int) -> Iterator[FinishedFrame]:
         yield frame
 
 
-def _identity(settings: DriveSettings, road_map: RoadMap | None) -> dict[str, Any]:
+def identity(settings: DriveSettings | SetSettings, road_map: RoadMap | None) -> dict[str, Any]:
     """All that a frame depends on, as JSON; frames of another program are not taken up either."""
     mapped = None if road_map is None else json.dumps(to_geojson(road_map), sort_keys=True)
     return {
-        "drive": asdict(settings),
+        "settings": asdict(settings),
         "map": None if mapped is None else hashlib.sha256(mapped.encode()).hexdigest(),
         "versions": versions(),
         "program": program_hash(),

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Rgb = tuple[float, float, float]
 
+RANDOM: Final = "random"
+"""A name for any of them, with another sun and haze."""
+
 
 @dataclass(frozen=True)
 class Weather:

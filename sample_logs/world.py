@@ -11,6 +11,7 @@ from scpf.models.errors import InputError
 from scpf.sample_logs.centre_line import CentreLine
 from scpf.sample_logs.ground import add_ground
 from scpf.sample_logs.lamp_placement import LightPole
+from scpf.sample_logs.pole_looks import RING_ROAD_LOOK, PoleLook
 from scpf.sample_logs.scene import Scene, SceneBuilder
 from scpf.sample_logs.street_furniture import pedestrian
 from scpf.sample_logs.textures import Textures, make_textures
@@ -47,18 +48,20 @@ def build_world(
     seed: int,
     route_m: tuple[float, float],
     season: float = 0.0,
+    look: PoleLook = RING_ROAD_LOOK,
 ) -> World:
     """Build the stretch route_m (start, stop) of the centre line, metres along it; stop may pass the end
     of a closed one.
 
-    ``season`` is the share of broad-leaved trees in autumn colours. Raises InputError for an empty route.
+    ``season`` is the share of broad-leaved trees in autumn colours, ``look`` the make of the poles. Raises
+    InputError for an empty route.
     """
     start_m, stop_m = _stretch(centre_line, route_m)
     standing = [pole for pole in poles if _is_within(centre_line, pole.s_m, start_m, stop_m)]
     scene = SceneBuilder()
     site = Site(scene, centre_line, standing, start_m, stop_m, np.random.default_rng([seed, 3]))
     add_ground(scene, centre_line, start_m, stop_m)
-    add_light_poles(site)
+    add_light_poles(site, look)
     cars = tuple(scene.add_prototype(vehicle(kind)) for kind in Vehicle)
     walkers = tuple(scene.add_prototype(pedestrian(site.rng)) for _ in range(PEDESTRIANS))
     add_buildings(site, cars)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from scpf.sample_logs.lamp_poles import banner, path_lamp, road_lamp
+from scpf.sample_logs.pole_looks import PoleLook
 from scpf.sample_logs.street_furniture import bollard, shelter, sign_post
 from scpf.sample_logs.textures_signs import (
     CROSSING,
@@ -20,19 +21,17 @@ from scpf.sample_logs.textures_signs import (
 from scpf.sample_logs.world_site import Site
 
 PATH_LAMP_ID = 1001
-POLE_GREY = (0.30, 0.31, 0.31)
-BANNER_SHARE = 0.22
 SIGNS = (SPEED_LIMIT, STOP, NO_PARKING, CROSSING, ENTRANCE, PARKING)
 SHELTER_AT_M = ((180.0, -1.0), (760.0, 1.0))
 """Distance after the start of the stretch, and side."""
 
 
-def add_light_poles(site: Site) -> None:
+def add_light_poles(site: Site, look: PoleLook) -> None:
     """Stand the landmarks, their arms over the road, each a little out of true; some bear a banner."""
     scene, rng = site.scene, site.rng
     shapes = [
-        scene.add_prototype(road_lamp(height_m, arm_m), cull_backfaces=True)
-        for height_m, arm_m in ((8.6, 1.7), (8.6, 1.65), (8.5, 1.75))
+        scene.add_prototype(road_lamp(height_m, arm_m, look.girth), cull_backfaces=True)
+        for height_m, arm_m in look.shapes
     ]
     cloth = scene.add_prototype(banner())
     for pole in site.poles:
@@ -43,12 +42,12 @@ def add_light_poles(site: Site) -> None:
             shapes[int(rng.integers(len(shapes)))],
             pole.position_m,
             yaw,
-            tint=np.array(POLE_GREY) * rng.uniform(0.85, 1.12),
+            tint=np.array(look.colour) * rng.uniform(0.85, 1.12),
             instance_id=pole.id,
             parameters=(0, rng.uniform()),
             lean=(float(rng.normal(0, 0.006)), float(rng.normal(0, 0.006))),
         )
-        if rng.uniform() < BANNER_SHARE:
+        if rng.uniform() < look.banner_share:
             turned = yaw + math.pi * float(rng.uniform() < 0.5)
             scene.place(cloth, pole.position_m, turned, tint=(0.1, 0.1, 0.1), parameters=(RING_ROAD,))
 
