@@ -19,18 +19,21 @@ def nearest_landmarks(
     covariances_m2: Array,
     yaws_rad: Array,
     detections: Array,
+    variances_m2: Array | None = None,
 ) -> Indices:
     """The landmark (M, R) of each detection in each run; −1 where it is left out as doubtful.
 
     ``positions_m`` (L, 2) is the map; ``poses_m`` (R, 2), ``covariances_m2`` (R, 3: xx, xy, yy) and ``yaws_rad``
-    (R,) the estimates; ``detections`` (M, 3) are distance (m), its variance (m²), bearing (rad).
+    (R,) the estimates; ``detections`` (M, 3) are distance (m), its variance (m²), bearing (rad). ``variances_m2`` (L,)
+    are those of the landmarks' places, of each axis; None where they are exact.
     """
     east, north = (positions_m[None] - poses_m[:, None]).transpose(2, 0, 1)
     range_m = np.hypot(east, north)
     c, s = east / np.maximum(range_m, 1e-9), north / np.maximum(range_m, 1e-9)
     xx, xy, yy = covariances_m2[:, :, None].transpose(1, 0, 2)
-    along = c * c * xx + 2 * c * s * xy + s * s * yy
-    across = s * s * xx - 2 * c * s * xy + c * c * yy
+    own = np.zeros(len(positions_m)) if variances_m2 is None else variances_m2
+    along = c * c * xx + 2 * c * s * xy + s * s * yy + own
+    across = s * s * xx - 2 * c * s * xy + c * c * yy + own
     bearing = np.arctan2(north, east) - yaws_rad[:, None]
     bearing_variance = matching.bearing_deviation_rad**2 + across / np.maximum(range_m, 1.0) ** 2
     squared = np.empty((len(detections), *range_m.shape))

@@ -1,8 +1,10 @@
 """The soft constraints as terms of the compiled filter: one small object and one kernel each.
 
-A new constraint is a kernel in ``weight_kernels.py`` and a class of three lines here. Each class names the numpy
+A new constraint is a kernel, as in ``weight_kernels.py``, and a class of three lines here. Each class names the numpy
 constraint whose log-probability it adds; a test holds them together. They are named tuples since one is built for
 every detection of every frame: a frozen dataclass takes four times as long.
+
+``marks`` (L, 3) are the landmarks: x and y (m), and the variance of each (m²), which widens what they say.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from numpy.typing import NDArray
 from scpf.models import weight_kernels as kernels
 from scpf.models.compiled import Array32
 from scpf.models.filter_kernels import move_constant_turn_rate, move_constant_velocity
-from scpf.models.matched_landmarks import Sighting
+from scpf.models.matched_kernels import add_matched
+from scpf.models.matched_landmarks import Sighting, rows_of
 from scpf.models.motion import ConstantTurnRate, ConstantVelocity, root_2x2
 from scpf.models.road_map import RoadSegment
 
@@ -70,12 +73,12 @@ class Speed(NamedTuple):
 
 
 class Range(NamedTuple):
-    """``LandmarkConstraint``: ``which`` (R,) of ``positions_m`` (L, 2) it is in each run, −1 for none.
+    """``LandmarkConstraint``: ``which`` (R,) of the ``marks`` it is in each run, −1 for none.
 
     ``exponent`` tempers it, in all runs or (R,) in each.
     """
 
-    positions_m: Array32
+    marks: Array32
     which: Indices
     distance_m: float
     deviation_m: float
@@ -84,15 +87,16 @@ class Range(NamedTuple):
     def add_to(self, log_weights: Array32, states: Array32) -> None:
         """Add the tempered log Pr(γ ≥ C)."""
         x, y = states[0], states[1]
-        place, power = (self.positions_m, self.which), _per_run(self.exponent, states)
+        place, power = (self.marks, self.which), _per_run(self.exponent, states)
         kernels.add_range(log_weights, x, y, *place, self.distance_m, self.deviation_m, power)
 
 
 class Bearing(NamedTuple):
-    """``BearingConstraint``; the rest as in ``Range``."""
+    """``BearingConstraint`` of a landmark seen ``distance_m`` away; the rest as in ``Range``."""
 
-    positions_m: Array32
+    marks: Array32
     which: Indices
+    distance_m: float
     bearing_rad: float
     deviation_rad: float
     exponent: float | Array = 1.0
@@ -100,7 +104,7 @@ class Bearing(NamedTuple):
     def add_to(self, log_weights: Array32, states: Array32) -> None:
         """Add the tempered log Pr(γ ≥ C)."""
         x, y, heading = states[0], states[1], states[4]
-        place, power = (self.positions_m, self.which), _per_run(self.exponent, states)
+        place, power = (self.marks, self.which, self.distance_m), _per_run(self.exponent, states)
         kernels.add_bearing(log_weights, x, y, heading, *place, self.bearing_rad, self.deviation_rad, power)
 
 
@@ -116,9 +120,9 @@ class Heading(NamedTuple):
 
 
 class Matched(NamedTuple):
-    """``MatchedLandmarks``: ``candidates`` (R, C) index ``positions_m`` (L, 2), −1 after a run's last one."""
+    """``MatchedLandmarks``: ``candidates`` (R, C) index the ``marks``, −1 after a run's last one."""
 
-    positions_m: Array32
+    marks: Array32
     candidates: Indices
     sightings: Sequence[Sighting]
     floor: float
@@ -126,22 +130,11 @@ class Matched(NamedTuple):
 
     def add_to(self, log_weights: Array32, states: Array32) -> None:
         """Add the tempered log of floor and best fit of every detection."""
-        rows = [
-            (s.distance_m, s.distance_deviation_m, s.bearing_rad, s.bearing_deviation_rad)
-            for s in self.sightings
-        ]
-        if rows:
+        rows = rows_of(self.sightings)
+        if len(rows):
             scratch = np.empty((len(rows), 4, states.shape[2]), np.float32)
-            kernels.add_matched(
-                log_weights,
-                states,
-                self.positions_m,
-                self.candidates,
-                np.array(rows),
-                self.floor,
-                _per_run(self.exponent, states),
-                scratch,
-            )
+            power = _per_run(self.exponent, states)
+            add_matched(log_weights, states, self.marks, self.candidates, rows, self.floor, power, scratch)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scpf.models import consider_kernels as kernels
 from scpf.models.consider_matching import look
 from scpf.models.lasting_errors import LastingErrors, LastingSettings
-from scpf.models.matched_landmarks import Sighting
+from scpf.models.matched_landmarks import Sighting, rows_of
 from scpf.models.motion import ConstantTurnRate
 
 Array = NDArray[np.float64]
@@ -48,21 +48,22 @@ class ConsiderSettings:
 class ConsiderCovariance:
     """The covariance of R filters' position errors, for states [x, y, vx, vy, ψ, ω] and their motion.
 
-    ``landmarks_m`` (L, 2) is the map; ``deviations`` (6,) are those of the first states.
+    ``marks`` (L, 3) is the map: x and y (m), and the variance that a place is weighed with, of each axis (m²);
+    ``deviations`` (6,) are those of the first states.
     """
 
     def __init__(
         self,
         settings: ConsiderSettings,
         motion: ConstantTurnRate,
-        landmarks_m: Array,
+        marks: Array,
         runs: int,
         deviations: Array,
     ) -> None:
         self.settings = settings
         self.motion = motion
-        self.lasting = LastingErrors(settings.lasting, runs, len(landmarks_m))
-        self._marks = np.ascontiguousarray(landmarks_m, dtype=float)
+        self.lasting = LastingErrors(settings.lasting, runs, len(marks))
+        self._marks = np.ascontiguousarray(marks, dtype=float)
         x, y, vx, vy, heading, rate = np.asarray(deviations, dtype=float)
         first = np.diag([x, y, heading, np.hypot(vx, vy) / np.sqrt(2.0), rate]) ** 2
         claimed = np.repeat(first[None], runs, axis=0)
@@ -93,12 +94,7 @@ class ConsiderCovariance:
         exponents: Array,
     ) -> None:
         """Take in what the filters took in: a fix, the road's direction, detections tempered by ``exponents`` (R,)."""
-        rows = np.array(
-            [
-                (s.distance_m, s.distance_deviation_m, s.bearing_rad, s.bearing_deviation_rad)
-                for s in sightings
-            ]
-        ).reshape(-1, 4)
+        rows = rows_of(sightings)
         which = np.full((len(rows), len(self._means)), -1)
         noise = self.settings.bearing_noise_rad**2
         if len(rows):
@@ -123,10 +119,28 @@ class ConsiderCovariance:
 
     def covariance(self, spread_m2: Array) -> Array:
         """Position covariances (R, 3: xx, xy, yy) of filters whose particles spread by ``spread_m2`` (R, 3)."""
-        whole = self._tracked.plain + self.lasting.offset_m2[:, None, None] * self._tracked.placed
-        own: Array = whole[:, [0, 0, 1], [0, 1, 1]]
-        beyond = spread_m2 - self.settings.doubt * self._tracked.claimed[:, [0, 0, 1], [0, 1, 1]]
-        return own + positive_part(beyond)
+        own: Array = self._whole()[:, [0, 0, 1], [0, 1, 1]]
+        return own + self._doubt(spread_m2)
+
+    def state_covariances(self, spread_m2: Array) -> Array:
+        """Those of whole states [x, y, vx, vy, ψ, ω] (R, 6, 6); as for ``covariance``."""
+        slope = np.zeros((len(self._means), 6, kernels.SIZE))
+        slope[:, [0, 1, 4, 5], [0, 1, 2, 4]] = 1.0
+        heading, speed = self._means[:, 2], self._means[:, 3]
+        slope[:, 2, 2], slope[:, 2, 3] = -speed * np.sin(heading), np.cos(heading)
+        slope[:, 3, 2], slope[:, 3, 3] = speed * np.cos(heading), np.sin(heading)
+        covariances: Array = slope @ self._whole() @ slope.transpose(0, 2, 1)
+        covariances[:, :2, :2] += self._doubt(spread_m2)[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+        return covariances
+
+    def _whole(self) -> Array:
+        """Covariances (R, 5, 5) of the errors, the places' share included."""
+        whole: Array = self._tracked.plain + self.lasting.offset_m2[:, None, None] * self._tracked.placed
+        return whole
+
+    def _doubt(self, spread_m2: Array) -> Array:
+        """What particles that spread further than noise alone makes them add (R, 3)."""
+        return positive_part(spread_m2 - self.settings.doubt * self._tracked.claimed[:, [0, 0, 1], [0, 1, 1]])
 
 
 def positive_part(rows: Array) -> Array:

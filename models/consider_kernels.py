@@ -194,7 +194,7 @@ def take_in_landmarks(
     noise: Any,
     shares: Any,
 ) -> None:
-    """Take in distance and bearing of the detections (M, 4), as for ``look``, matched to ``which`` (M, R).
+    """Take in distance and bearing of the detections (M, 4), as for ``look``, matched to ``which`` (M, R) of ``marks``.
 
     ``exponents`` (R,) temper what they weigh, ``flatter`` is the variance of their likelihood for a deviation of 1.
     A distance errs by its deviation, of whose square ``shares`` (R,) last; a bearing by ``noise`` (rad²) alone.
@@ -217,8 +217,8 @@ def take_in_landmarks(
             slope[0], slope[1], slope[2] = -dx / distance, -dy / distance, 0.0
             variance = detections[m, 1] ** 2
             lasting, white = shares[r] * variance, (1.0 - shares[r]) * variance
-            weighed = weight * variance
+            weighed = weight * (variance + marks[mark, 2])
             take_in(own[0], own[1], own[2], own[3], own[4], slope, weighed, white, mark, lasting, scratch)
             slope[0], slope[1], slope[2] = dy / squared, -dx / squared, -1.0
-            weighed = weight * detections[m, 3] ** 2
+            weighed = weight * (detections[m, 3] ** 2 + marks[mark, 2] / max(detections[m, 0], 1.0) ** 2)
             take_in(own[0], own[1], own[2], own[3], own[4], slope, weighed, noise, mark, 0.0, scratch)

@@ -43,7 +43,7 @@ class ExtendedKalmanFilter:
         return log_evidence
 
     def update_range(
-        self, landmarks_m: Array, distance_m: float, variance_m2: float, used: Mask | None = None
+        self, landmarks_m: Array, distance_m: float, variance_m2: float | Array, used: Mask | None = None
     ) -> Array:
         """Take in a distance to a landmark (R, 2), in the runs ``used`` (R,)."""
         offset = self.means[:, :2] - landmarks_m
@@ -57,7 +57,7 @@ class ExtendedKalmanFilter:
         landmarks_m: Array,
         bearing_rad: float,
         headings_rad: Array,
-        variance_rad2: float,
+        variance_rad2: float | Array,
         used: Mask | None = None,
     ) -> Array:
         """Take in a landmark's bearing; the heading (R,) is given (the road's), since the state has none."""
@@ -68,7 +68,7 @@ class ExtendedKalmanFilter:
         expected = np.arctan2(-offset[:, 1], -offset[:, 0]) - headings_rad
         return self._update(slope, wrap_angle(bearing_rad - expected), variance_rad2, used)
 
-    def _update(self, slope: Array, innovation: Array, variance: float, used: Mask | None) -> Array:
+    def _update(self, slope: Array, innovation: Array, variance: float | Array, used: Mask | None) -> Array:
         """The scalar update with rows ``slope`` (R, 4); the innovation's log-density (R,), 0 where unused."""
         moved = np.einsum("rij,rj->ri", self.covariances, slope)
         expected_square = (moved * slope).sum(1) + variance

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.models.constraints import half_normal_log_survival
-from scpf.models.geodesy import wrap_angle
+from scpf.models.matched_kernels import measure_matched
 
 Array = NDArray[np.float64]
 
@@ -29,64 +28,49 @@ class Sighting:
     bearing_deviation_rad: float
 
 
+def rows_of(sightings: Sequence[Sighting]) -> Array:
+    """Sightings as rows (M, 4): distance, its deviation, bearing, its deviation."""
+    rows = [(s.distance_m, s.distance_deviation_m, s.bearing_rad, s.bearing_deviation_rad) for s in sightings]
+    return np.array(rows, dtype=float).reshape(-1, 4)
+
+
 @dataclass(frozen=True, eq=False)
 class MatchedLandmarks:
     """All detections of a frame against candidate ``positions_m`` (L, 2), for states with a heading.
 
     For a particle and a detection, log((1 − ε)·S + ε): S is the product of the half-normal survivals of range and
     bearing for the best candidate. Where two detections take one candidate, the worse one takes its second best,
-    or the floor if that is taken too. ``exponent`` tempers the sum.
+    or the floor if that is taken too. ``variances_m2`` (L,) of the candidates' places, of each axis, widen range and
+    bearing; None for a map that is exact. ``exponent`` tempers the sum.
     """
 
     positions_m: Array
     sightings: Sequence[Sighting]
     floor: float = 0.001
     exponent: float = 1.0
+    variances_m2: Array | None = None
     name: str = "landmarks"
 
     def violation(self, states: Array) -> Array:
         """Σ over detections of the range error (m) to the landmark that the particle takes; 0 for none."""
-        if not len(self.positions_m) or not self.sightings:
-            return np.zeros(len(states))
-        range_m = np.hypot(*(self.positions_m[None] - states[:, None, :2]).transpose(2, 0, 1))
-        total = np.zeros(len(states))
-        rows = np.arange(len(states))
-        for sighting, (_, taken) in zip(self.sightings, self._choices(states), strict=True):
-            off = np.abs(range_m[rows, np.maximum(taken, 0)] - sighting.distance_m)
-            total += np.where(taken >= 0, off, 0.0)
-        return total
+        return self.both(states)[0]
 
     def log_probability(self, states: Array) -> Array:
         """Σ over detections of the tempered log of floor and best fit (N,)."""
-        total = np.zeros(len(states))
-        if len(self.positions_m):
-            for log_fit, _ in self._choices(states):
-                total += np.log((1.0 - self.floor) * np.exp(log_fit) + self.floor)
-        return self.exponent * total
+        return self.both(states)[1]
 
-    def _choices(self, states: Array) -> list[tuple[Array, NDArray[np.intp]]]:
-        """For each detection: log S (N,) and the index (N,) of the candidate taken, −1 for none."""
-        east, north = (self.positions_m[None] - states[:, None, :2]).transpose(2, 0, 1)
-        range_m, direction = np.hypot(east, north), np.arctan2(north, east) - states[:, 4, None]
-        fits = []
-        for seen in self.sightings:
-            fit = half_normal_log_survival(np.abs(range_m - seen.distance_m), seen.distance_deviation_m)
-            off = np.abs(wrap_angle(direction - seen.bearing_rad))
-            fits.append(fit + half_normal_log_survival(off, seen.bearing_deviation_rad))
-        order = [np.argsort(-fit, axis=1, kind="stable")[:, :2] for fit in fits]
-        rows = np.arange(len(states))
-        best = [fit[rows, two[:, 0]] for fit, two in zip(fits, order, strict=True)]
-        choices = []
-        for m, (fit, two) in enumerate(zip(fits, order, strict=True)):
-            second = two[:, -1]
-            loses = np.zeros(len(states), dtype=bool)
-            none_left = np.full(len(states), two.shape[1] < 2)
-            for k, rival in enumerate(order):
-                if k != m:
-                    beaten = (best[k] > best[m]) | ((best[k] == best[m]) & (k < m))
-                    loses |= (rival[:, 0] == two[:, 0]) & beaten
-                    none_left |= rival[:, 0] == second
-            taken = np.where(loses, np.where(none_left, -1, second), two[:, 0])
-            log_fit = np.where(taken >= 0, fit[rows, np.maximum(taken, 0)], -np.inf)
-            choices.append((log_fit, taken))
-        return choices
+    def both(self, states: Array) -> tuple[Array, Array]:
+        """Violation and log-probability (N,) by one matching, in single precision about the states' middle."""
+        none = np.zeros(len(states))
+        if not len(self.positions_m) or not self.sightings or not len(states):
+            return none, none
+        middle = states[:, :2].mean(axis=0)
+        local = np.empty((3, len(states)), np.float32)
+        local[:2], local[2] = (states[:, :2] - middle).T, states[:, 4]
+        marks = np.zeros((len(self.positions_m), 3), np.float32)
+        marks[:, :2] = self.positions_m - middle
+        marks[:, 2] = 0.0 if self.variances_m2 is None else self.variances_m2
+        violation, log_probability = np.empty((2, len(states)), np.float32)
+        rows = rows_of(self.sightings)
+        measure_matched(local, marks, rows, self.floor, self.exponent, violation, log_probability)
+        return violation.astype(float), log_probability.astype(float)

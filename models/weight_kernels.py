@@ -13,7 +13,6 @@ from scpf.models.compiled import (
     Array32,
     angle_of,
     erfc_parts,
-    exp_negative,
     f4,
     kernel,
     log_positive,
@@ -68,7 +67,7 @@ def add_range(
     log_weights: Array32,
     x: Array32,
     y: Array32,
-    positions: Any,
+    marks: Any,
     which: Any,
     distance: Any,
     deviation: Any,
@@ -76,14 +75,15 @@ def add_range(
 ) -> None:
     """``LandmarkConstraint`` to the power of ``exponents`` (R,).
 
-    ``which`` (R,) of ``positions`` (L, 2) it is in each run, −1 for none.
+    ``which`` (R,) of ``marks`` (L, 3: x, y, variance of each axis) it is in each run, −1 for none.
     """
-    mu, scale = f4(distance), f4(RECIPROCAL_SQRT2 / deviation)
+    mu = f4(distance)
     for r in range(x.shape[0]):
         if which[r] < 0:
             continue
         lw, xr, yr = log_weights[r], x[r], y[r]
-        lx, ly = f4(positions[which[r], 0]), f4(positions[which[r], 1])
+        lx, ly = f4(marks[which[r], 0]), f4(marks[which[r], 1])
+        scale = f4(RECIPROCAL_SQRT2 / np.sqrt(deviation**2 + marks[which[r], 2]))
         power = f4(exponents[r])
         for i in range(lw.size):
             dx, dy = xr[i] - lx, yr[i] - ly
@@ -97,18 +97,23 @@ def add_bearing(
     x: Array32,
     y: Array32,
     heading: Array32,
-    positions: Any,
+    marks: Any,
     which: Any,
+    distance: Any,
     bearing: Any,
     deviation: Any,
     exponents: Any,
 ) -> None:
-    """``BearingConstraint`` to the power of ``exponents`` (R,); the rest as in ``add_range``."""
-    beta, scale = f4(bearing), f4(RECIPROCAL_SQRT2 / deviation)
+    """``BearingConstraint`` of a landmark ``distance`` away, to the power of ``exponents`` (R,).
+
+    The rest as in ``add_range``.
+    """
+    beta, squared = f4(bearing), max(distance, 1.0) ** 2
     for r in range(x.shape[0]):
         if which[r] < 0:
             continue
-        lx, ly = f4(positions[which[r], 0]), f4(positions[which[r], 1])
+        lx, ly = f4(marks[which[r], 0]), f4(marks[which[r], 1])
+        scale = f4(RECIPROCAL_SQRT2 / np.sqrt(deviation**2 + marks[which[r], 2] / squared))
         power = f4(exponents[r])
         lw, xr, yr, hr = log_weights[r], x[r], y[r], heading[r]
         for i in range(lw.size):
@@ -129,69 +134,9 @@ def add_heading(log_weights: Array32, heading: Array32, direction: Any, deviatio
 
 
 @kernel
-def add_matched(
-    log_weights: Array32,
-    states: Array32,
-    positions: Array32,
-    candidates: Any,
-    detections: Any,
-    floor: Any,
-    exponents: Any,
-    scratch: Array32,
-) -> None:
-    """``MatchedLandmarks``: each particle weighs every candidate for every detection, one to one.
-
-    ``positions`` (L, 2); ``candidates`` (R, C) landmark indices, −1 after the last; ``detections`` (M, 4: distance,
-    its deviation, bearing, its deviation); ``exponents`` (R,) temper; ``scratch`` (M, 4, N).
-    """
-    count = detections.shape[0]
-    few = f4(floor)
-    fit = np.empty(states.shape[2], f4)
-    for r in range(states.shape[1]):
-        lw, x, y, heading = log_weights[r], states[0, r], states[1, r], states[4, r]
-        n, power = lw.size, f4(exponents[r])
-        for m in range(count):
-            for k in range(4):
-                scratch[m, k, :] = f4(-1e30) if k < 2 else f4(-1.0)
-        for c in range(candidates.shape[1]):
-            index = candidates[r, c]
-            if index < 0:
-                break
-            lx, ly, mark = f4(positions[index, 0]), f4(positions[index, 1]), f4(index)
-            for m in range(count):
-                best, second, who, other = scratch[m, 0], scratch[m, 1], scratch[m, 2], scratch[m, 3]
-                mu, beta = f4(detections[m, 0]), f4(detections[m, 2])
-                in_range = f4(RECIPROCAL_SQRT2 / detections[m, 1])
-                in_bearing = f4(RECIPROCAL_SQRT2 / detections[m, 3])
-                for i in range(n):
-                    dx, dy = lx - x[i], ly - y[i]
-                    t1, p1 = erfc_parts(abs(np.sqrt(dx * dx + dy * dy) - mu) * in_range)
-                    t2, p2 = erfc_parts(abs(wrapped(angle_of(dy, dx) - heading[i] - beta)) * in_bearing)
-                    fit[i] = log_positive(t1 * t2) + p1 + p2
-                # Apart from the mathematics: with fewer arrays in a loop the compiler can tell them apart.
-                for i in range(n):
-                    value = fit[i]
-                    first = value > best[i]
-                    later = value > second[i]
-                    other[i] = who[i] if first else (mark if later else other[i])
-                    second[i] = best[i] if first else (value if later else second[i])
-                    who[i] = mark if first else who[i]
-                    best[i] = value if first else best[i]
-        # Two detections that a particle takes for one landmark: the worse one takes its second choice.
-        for m in range(count):
-            best, second, who, other = scratch[m, 0], scratch[m, 1], scratch[m, 2], scratch[m, 3]
-            for k in range(count):
-                if k != m:
-                    taken = scratch[k, 2]
-                    for i in range(n):
-                        second[i] = f4(-1e30) if taken[i] == other[i] else second[i]
-            for k in range(count):
-                if k != m:
-                    rival, taken = scratch[k, 0], scratch[k, 2]
-                    for i in range(n):
-                        beaten = rival[i] > best[i] or (rival[i] == best[i] and k < m)
-                        loses = beaten and taken[i] == who[i] and who[i] >= f4(0.0)
-                        other[i] = f4(-2.0) if loses else other[i]
-            for i in range(n):
-                value = second[i] if other[i] == f4(-2.0) else best[i]
-                lw[i] += power * log_positive((f4(1.0) - few) * exp_negative(value) + few)
+def half_normal_in_place(violations: Any, deviation: Any) -> None:
+    """``half_normal_log_survival`` in the place of its ``violations`` (N,), in single precision."""
+    scale = f4(RECIPROCAL_SQRT2 / deviation)
+    for i in range(violations.size):
+        t, p = erfc_parts(max(f4(violations[i]), f4(0.0)) * scale)
+        violations[i] = log_positive(t) + p

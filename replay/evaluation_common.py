@@ -56,6 +56,7 @@ class Runs:
         self.fix_variance_m2 = sigma_m**2
         self.known_matching = known_matching
         self.positions_m = scenario.road_map.positions_m
+        self.variances_m2 = np.array([mark.variance_m2 for mark in scenario.road_map.landmarks])
         self.road = RoadTracker(scenario.ring, first[:, :2])
         self.matching = NearestNeighbour()
 
@@ -67,14 +68,15 @@ class Runs:
             return np.repeat([[d.landmark] for d in detections], len(poses_m), axis=1)
         rows = np.array([(d.distance_m, d.variance_m2, d.bearing_rad) for d in detections])
         rows[:, 1] += self.settings.landmark_variance_m2
-        return nearest_landmarks(self.matching, self.positions_m, poses_m, covariances_m2, yaws_rad, rows)
+        around = (self.positions_m, poses_m, covariances_m2, yaws_rad)
+        return nearest_landmarks(self.matching, *around, rows, self.variances_m2)
 
     def range_variance_m2(self, detection: Detection) -> float:
-        """The variance that a range is weighed by."""
+        """The variance that a range is weighed by, the landmark's own apart."""
         return detection.variance_m2 + self.settings.landmark_variance_m2
 
     def bearing_deviation_rad(self, detection: Detection) -> float:
-        """The deviation that a bearing is weighed by."""
+        """The deviation that a bearing is weighed by, what the landmark's own variance makes of it apart."""
         own = self.settings.bearing_deviation_rad
         if own is None:
             return NO_BEARING_RAD

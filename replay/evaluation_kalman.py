@@ -43,9 +43,12 @@ class KalmanRuns(Runs):
             matched = self.which(detections, poses, spread, yaws)
             for detection, which in zip(detections, matched, strict=True):
                 marks, used = self.positions_m[which], which >= 0
-                kalman.update_range(marks, detection.distance_m, self.range_variance_m2(detection), used)
+                own = self.variances_m2[which]
+                variance = self.range_variance_m2(detection) + own
+                kalman.update_range(marks, detection.distance_m, variance, used)
                 if self.settings.bearing_deviation_rad is not None:
                     variance = self.bearing_deviation_rad(detection) ** 2
+                    variance = variance + own / max(detection.distance_m, 1.0) ** 2
                     kalman.update_bearing(marks, detection.bearing_rad, yaws, variance, used)
         return kalman.means, self._spread()
 

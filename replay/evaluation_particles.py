@@ -40,7 +40,8 @@ class ParticleRuns(Runs):
     ) -> None:
         super().__init__(settings, scenario, sigma_m, first, seeds, known_matching)
         # float32 keeps its millimetres near 0 alone: the ring's own origin is its middle.
-        self.marks = self.positions_m.astype(np.float32)
+        marks = np.column_stack([self.positions_m, self.variances_m2])
+        self.marks = marks.astype(np.float32)
         line = scenario.road_map.centre_line_m
         self.cubics = terms.road_cubics([fit_segment(line, anchor) for anchor in self.positions_m])
         self.half_width_m = scenario.road_map.half_width_m
@@ -56,9 +57,7 @@ class ParticleRuns(Runs):
             first = np.column_stack([first[:, :2], speed[:, None] * ahead, heading, np.zeros(len(first))])
             deviations = np.concatenate([deviations, INITIAL_HEADING_DEVIATIONS])
             if settings.consider is not None:
-                self.consider = ConsiderCovariance(
-                    settings.consider, turning, self.positions_m, len(first), deviations
-                )
+                self.consider = ConsiderCovariance(settings.consider, turning, marks, len(first), deviations)
         else:
             motion = terms.VelocityMotion(ConstantVelocity(settings.q_m2ps3))
         self.filter = BatchFilter(motion, seeds, settings.particles, settings.resample_below)
@@ -117,7 +116,7 @@ class ParticleRuns(Runs):
                 terms.Range(self.marks, which, seen.distance_m, seen.distance_deviation_m, exponents)
             )
             if settings.bearing_deviation_rad is not None:
-                bearing = (seen.bearing_rad, seen.bearing_deviation_rad)
+                bearing = (seen.distance_m, seen.bearing_rad, seen.bearing_deviation_rad)
                 wanted.append(terms.Bearing(self.marks, which, *bearing, exponents))
         return wanted
 

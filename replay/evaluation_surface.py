@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scpf.models.constraint_surface import surfaces
 from scpf.models.constraints import (
     Constraint,
     LandmarkConstraint,
     RoadConstraint,
     SpeedConstraint,
-    log_probability,
-    total_violation,
 )
 from scpf.replay.protocol import Scenario
 
@@ -62,17 +61,10 @@ def surface_at(scenario: Scenario, frame: int | None = None) -> DrawnSurface:
         position = marks[one.landmark]
         constraints.append(LandmarkConstraint(str(one.landmark), position, one.distance_m, one.variance_m2))
     offsets = np.linspace(-HALF_WIDTH_M, HALF_WIDTH_M, CELLS)
-    east, north = np.meshgrid(truth[0] + offsets, truth[1] + offsets)
-    states = np.column_stack([east.ravel(), north.ravel(), np.tile(velocity, (CELLS**2, 1))])
-    shape = (CELLS, CELLS)
+    state = np.concatenate([truth, velocity])
     landmarks = marks[[one.landmark for one in seen]] - truth
-    return DrawnSurface(
-        frame,
-        offsets,
-        total_violation(constraints, states).reshape(shape),
-        log_probability(constraints, states).reshape(shape),
-        landmarks,
-    )
+    violation, log_probability = surfaces(constraints, state, truth[0] + offsets, truth[1] + offsets)
+    return DrawnSurface(frame, offsets, violation, log_probability, landmarks)
 
 
 def surface_2d(figure: Figure, scenario: Scenario) -> None:

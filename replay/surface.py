@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.models.constraints import Constraint, log_probability, total_violation
+from scpf.models.constraint_surface import surfaces
+from scpf.models.constraints import Constraint
 from scpf.replay.settings import SurfaceSettings
 from scpf.replay.step import Surface
 
@@ -22,13 +23,6 @@ def constraint_surface(constraints: Sequence[Constraint], mean: Array, grid: Sur
     # Cells lie on multiples of their size, so that the surface does not shimmer from frame to frame.
     corner_m = np.round(mean[:2] / grid.cell_m - (grid.cells - 1) / 2) * grid.cell_m
     steps = np.arange(grid.cells) * grid.cell_m
-    east, north = np.meshgrid(corner_m[0] + steps, corner_m[1] + steps)
-    states = np.tile(mean, (grid.cells**2, 1))
-    states[:, 0], states[:, 1] = east.ravel(), north.ravel()
-    shape = (grid.cells, grid.cells)
     return Surface(
-        corner_m,
-        grid.cell_m,
-        total_violation(constraints, states).reshape(shape),
-        log_probability(constraints, states).reshape(shape),
+        corner_m, grid.cell_m, *surfaces(constraints, mean, corner_m[0] + steps, corner_m[1] + steps)
     )

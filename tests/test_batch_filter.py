@@ -30,7 +30,7 @@ from scpf.models.road_map import RoadSegment
 RUNS, N = 3, 301
 RNG = np.random.default_rng(0)
 STATES = (RNG.normal(0, 1, (6, RUNS, N)) * np.array([5, 5, 9, 9, 2, 2])[:, None, None]).astype(np.float32)
-MARKS = RNG.normal(0, 25, (6, 2)).astype(np.float32)
+MARKS = np.column_stack([RNG.normal(0, 25, (6, 2)), RNG.uniform(0, 2, 6)]).astype(np.float32)
 WHICH = np.array([0, 4, -1])
 CANDIDATES = np.array([[0, 1, 2, -1, -1, -1], [5, 4, 3, 2, 1, 0], [2, -1, -1, -1, -1, -1]])
 SEEN = [Sighting(20, 5.0, 0.3, 0.8), Sighting(21, 5.0, 0.4, 0.8), Sighting(25, 5.0, -0.3, 0.8)]
@@ -40,18 +40,20 @@ ROADS = [0.1, 3.0, -2.0]
 
 
 def expected(name: str, run: int, states: np.ndarray) -> np.ndarray:
-    mark = MARKS[WHICH[run]].astype(float)
+    mark, own = MARKS[WHICH[run], :2].astype(float), float(MARKS[WHICH[run], 2])
     if name in ("range", "bearing") and WHICH[run] < 0:
         return np.zeros(len(states))
     candidates = MARKS[[k for k in CANDIDATES[run] if k >= 0]].astype(float)
+    matched = MatchedLandmarks(candidates[:, :2], SEEN, 0.001, 0.3, candidates[:, 2])
+    bearing_deviation = float(np.sqrt(0.05**2 + own / 17.0**2))
     return {
         "fix": lambda: PositionFix(FIXES[run], 4.0).log_likelihood(states),
         "road": lambda: RoadConstraint(CUBICS[run % 2]).log_probability(states),
         "speed": lambda: SpeedConstraint().log_probability(states),
-        "range": lambda: 0.3 * LandmarkConstraint("a", mark, 18.0, 0.64).log_probability(states),
-        "bearing": lambda: 0.3 * BearingConstraint("a", mark, 0.3, 0.05).log_probability(states),
+        "range": lambda: 0.3 * LandmarkConstraint("a", mark, 18.0, 0.64 + own).log_probability(states),
+        "bearing": lambda: 0.3 * BearingConstraint("a", mark, 0.3, bearing_deviation).log_probability(states),
         "heading": lambda: HeadingConstraint(ROADS[run], 0.26).log_probability(states),
-        "matched": lambda: MatchedLandmarks(candidates, SEEN, 0.001, 0.3).log_probability(states),
+        "matched": lambda: matched.log_probability(states),
     }[name]()
 
 
@@ -60,7 +62,7 @@ TERMS: dict[str, Term] = {
     "road": Road(road_cubics(CUBICS), np.array([0, 1, 0])),
     "speed": Speed(),
     "range": Range(MARKS, WHICH, 18.0, 0.8, 0.3),
-    "bearing": Bearing(MARKS, WHICH, 0.3, 0.05, 0.3),
+    "bearing": Bearing(MARKS, WHICH, 17.0, 0.3, 0.05, 0.3),
     "heading": Heading(np.array(ROADS), 0.26),
     "matched": Matched(MARKS, CANDIDATES, SEEN, 0.001, 0.3),
 }
@@ -124,7 +126,7 @@ def drive(seeds: list[int], terms: list[Term], particles: int = 400) -> tuple[np
 
 
 def test_a_run_does_not_depend_on_its_batch_nor_on_the_order_of_terms() -> None:
-    marks = np.array([[20.0, 5.0]], np.float32)
+    marks = np.array([[20.0, 5.0, 0.0]], np.float32)
     terms = lambda n: [Range(marks, np.zeros(n, np.int64), 18.0, 0.5), Speed()]  # noqa: E731
     mean, states = drive([4, 5, 4], terms(3))
     alone, own = drive([5], terms(1))

@@ -15,7 +15,8 @@ from scpf.models.motion import ConstantTurnRate
 
 DT_S = 0.1
 MOTION = ConstantTurnRate(0.8, 0.02, 2.0, 1e-3)
-MARKS = np.array([[14.0, 7.0], [26.0, -6.0]])
+MARKS = np.array([[14.0, 7.0, 0.4], [26.0, -6.0, 0.0]])
+EXACT = MARKS * np.array([1.0, 1.0, 0.0])
 FIRST = np.array([1.0, 1.0, 0.5, 0.5, 0.2, 0.05])
 SPEED_MPS, HEADING_RAD = 3.0, 0.3
 RANGE_DEVIATION_M, BEARING_DEVIATION_RAD, NOISE_RAD = 0.8, 0.05, 0.02
@@ -37,7 +38,7 @@ def truth(k: int) -> np.ndarray:
 
 def sightings(k: int) -> list[Sighting]:
     seen = []
-    for mark in MARKS:
+    for mark in MARKS[:, :2]:
         east, north = mark - truth(k)[:2]
         bearing = np.arctan2(north, east) - HEADING_RAD
         seen.append(
@@ -46,8 +47,10 @@ def sightings(k: int) -> list[Sighting]:
     return seen
 
 
-def drive(settings: ConsiderSettings, steps: int, exponent: float) -> ConsiderCovariance:
-    consider = ConsiderCovariance(settings, MOTION, MARKS, 2, FIRST)
+def drive(
+    settings: ConsiderSettings, steps: int, exponent: float, marks: np.ndarray = MARKS
+) -> ConsiderCovariance:
+    consider = ConsiderCovariance(settings, MOTION, marks, 2, FIRST)
     for k in range(1, steps + 1):
         consider.predict(np.tile(truth(k - 1), (2, 1)), DT_S)
         consider.update(FIX_M2, ROAD_RAD2, sightings(k), np.full(2, exponent))
@@ -55,7 +58,7 @@ def drive(settings: ConsiderSettings, steps: int, exponent: float) -> ConsiderCo
 
 
 def sampled(
-    steps: int, exponent: float, share: float, offset_m2: float, n: int
+    steps: int, exponent: float, share: float, offset_m2: float, n: int, marks: np.ndarray = MARKS
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors' covariance (2, 2) of ``n`` linear filters, and the one that they claim: written out densely."""
     rng = np.random.default_rng(0)
@@ -89,16 +92,16 @@ def sampled(
             take_in(np.eye(5)[part], variance, np.sqrt(variance) * rng.standard_normal(n))
         fresh = np.sqrt(share) * RANGE_DEVIATION_M * rng.standard_normal((n, 2))
         lasting = fresh if k == 1 else keep * lasting + np.sqrt(1 - keep**2) * fresh
-        for m, mark in enumerate(MARKS):
+        for m, (*mark, own) in enumerate(marks):
             off = mark - truth(k)[:2]
             far = np.hypot(*off)
             toward = np.array([*(-off / far), 0.0, 0.0, 0.0])
             white = np.sqrt(1 - share) * RANGE_DEVIATION_M * rng.standard_normal(n)
             wrong = white + lasting[:, m] + offsets[:, m] @ toward[:2]
-            take_in(toward, FLATTER / exponent * RANGE_DEVIATION_M**2, wrong)
+            take_in(toward, FLATTER / exponent * (RANGE_DEVIATION_M**2 + own), wrong)
             beside = np.array([off[1] / far**2, -off[0] / far**2, -1.0, 0.0, 0.0])
             wrong = NOISE_RAD * rng.standard_normal(n) + offsets[:, m] @ beside[:2]
-            take_in(beside, FLATTER / exponent * BEARING_DEVIATION_RAD**2, wrong)
+            take_in(beside, FLATTER / exponent * (BEARING_DEVIATION_RAD**2 + own / far**2), wrong)
     return np.cov(error.T)[:2, :2], claimed[:2, :2]
 
 
@@ -126,10 +129,26 @@ def test_it_is_the_covariance_of_the_errors_that_such_filters_make(
 
 def test_where_errors_are_what_the_filter_weighs_it_is_the_kalman_covariance() -> None:
     settings = ConsiderSettings(bearing_noise_rad=BEARING_DEVIATION_RAD, lasting=certain(0.0, 0.0).lasting)
-    consider = drive(settings, 30, FLATTER)
+    consider = drive(settings, 30, FLATTER, EXACT)
     np.testing.assert_allclose(
-        full(consider.covariance(np.zeros((2, 3)))[0]), sampled(30, FLATTER, 0.0, 0.0, 2)[1], rtol=1e-6
+        full(consider.covariance(np.zeros((2, 3)))[0]),
+        sampled(30, FLATTER, 0.0, 0.0, 2, EXACT)[1],
+        rtol=1e-6,
     )
+
+
+def test_whole_states_have_the_same_position_and_the_velocity_of_their_heading() -> None:
+    consider = drive(certain(0.4, 1.0), 20, 0.3)
+    spread = np.array([[9.0, 1.0, 4.0], [0.0, 0.0, 0.0]])
+    whole, rows = consider.state_covariances(spread), consider.covariance(spread)
+    assert whole.shape == (2, 6, 6)
+    np.testing.assert_allclose(whole[:, [0, 0, 1], [0, 1, 1]], rows)
+    np.testing.assert_allclose(whole, whole.transpose(0, 2, 1), atol=1e-12)
+    assert np.linalg.eigvalsh(whole).min() > -1e-9
+    # Velocity is v·(cos ψ, sin ψ): along the path the speed's error, across it the heading's.
+    c, s = np.cos(HEADING_RAD), np.sin(HEADING_RAD)
+    across = np.array([0.0, 0.0, -s, c, 0.0, 0.0])
+    assert across @ whole[1] @ across == pytest.approx(SPEED_MPS**2 * whole[1, 4, 4], rel=1e-6)
 
 
 def test_particles_in_doubt_add_what_goes_beyond_the_claim() -> None:
@@ -164,7 +183,7 @@ def test_positive_part_is_that_of_the_eigenvalues(xx: float, xy: float, yy: floa
 def test_detections_are_matched_one_to_one_around_the_estimate() -> None:
     consider = ConsiderCovariance(certain(0.0, 0.0), MOTION, MARKS, 1, FIRST)
     means = np.array([[1.0, -1.0, HEADING_RAD, SPEED_MPS, 0.0]])
-    off = MARKS - means[0, :2]
+    off = MARKS[:, :2] - means[0, :2]
     far, angle = np.hypot(*off.T), np.arctan2(off[:, 1], off[:, 0]) - HEADING_RAD
     rows = np.array(
         [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +130,9 @@ def test_a_run_diverges_where_it_is_lost_for_half_a_minute() -> None:
 def test_batched_matching_is_nearest_neighbour_matching() -> None:
     scenario = make_scenario(CASES["S1"], 0, 400)
     matching, rng = NearestNeighbour(), np.random.default_rng(0)
+    marks = tuple(replace(mark, variance_m2=rng.uniform(0, 1)) for mark in scenario.road_map.landmarks)
+    road_map = replace(scenario.road_map, landmarks=marks)
+    own = np.array([mark.variance_m2 for mark in marks])
     found = 0
     for k in range(0, 400, 10):
         frame = scenario.detections[k]
@@ -138,7 +142,7 @@ def test_batched_matching_is_nearest_neighbour_matching() -> None:
         if not frame:
             continue
         rows = np.array([(d.distance_m, d.variance_m2, d.bearing_rad) for d in frame])
-        batched = nearest_landmarks(matching, scenario.road_map.positions_m, poses, spread, yaws, rows)
+        batched = nearest_landmarks(matching, road_map.positions_m, poses, spread, yaws, rows, own)
         observations = [
             Observation(
                 Instance((0, 0, 4, 40), np.ones((40, 4), bool), (0, 0), 0.9, "light_pole"),
@@ -150,7 +154,7 @@ def test_batched_matching_is_nearest_neighbour_matching() -> None:
         for r in range(5):
             xx, xy, yy = spread[r]
             covariance = np.array([[xx, xy], [xy, yy]])
-            one = matching.match(observations, scenario.road_map, poses[r], covariance, yaws[r])
+            one = matching.match(observations, road_map, poses[r], covariance, yaws[r])
             names = ["" if index < 0 else f"P{index}" for index in batched[:, r]]
             assert names == [match.landmark_id for match in one]
             found += sum(name != "" for name in names)

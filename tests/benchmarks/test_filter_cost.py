@@ -38,7 +38,7 @@ def test_a_step_of_500_particles_with_3_landmarks() -> None:
     plain = ParticleFilter(ConstantVelocity(11.0), FilterSettings(), np.random.default_rng(0))
     plain.initialise(np.zeros(4))
     ranges = np.hypot(*MARKS.T)
-    cubics, marks = road_cubics([SEGMENT]), MARKS.astype(np.float32)
+    cubics, marks = road_cubics([SEGMENT]), np.column_stack([MARKS, np.zeros(3)]).astype(np.float32)
     which, here, fix = [np.array([k]) for k in range(3)], np.array([0]), np.zeros((1, 2))
 
     def compiled_step() -> None:
