@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from math import isinf
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from threadpoolctl import threadpool_limits
 
@@ -28,10 +28,13 @@ from scpf.replay.frames import Window, first_state, read_frames
 from scpf.replay.pace import FULL_SPEED, Pace, PaceSettings
 from scpf.replay.pipeline import DistanceSource, Pipeline
 from scpf.replay.recording import Recording
+from scpf.replay.recording_images import SharedImages
 from scpf.replay.results import Results
 from scpf.replay.segmenters import RECORDED, build, reads_pixels
 from scpf.replay.settings import Settings
 from scpf.replay.step import Step
+
+Images = Literal["embed", "separate", "none"]
 
 REPORTED_PACKAGES = ("scpf", "numpy", "scipy", "opencv-python-headless", "torch", "rerun-sdk", "mcap")
 
@@ -66,15 +69,16 @@ def replay(
     on_step: Callable[[Step, int, int], None],
     *,
     record_timing: bool = False,
-    images: bool = True,
+    images: Images = "embed",
     pace: PaceSettings = FULL_SPEED,
     controls: Controls | None = None,
 ) -> dict[str, Any]:
     """Replay one drive log; returns the summary that ``outputs.summary`` holds.
 
     ``on_step(step, done, total)`` is called after every frame; ``total`` counts the log's images. The recording
-    is a function of log, settings and version alone, unless ``record_timing`` adds what each stage took; without
-    ``images`` it leaves the pictures out. At a live ``pace`` that drops frames, it depends on the machine too.
+    is a function of log, settings and version alone, unless ``record_timing`` adds what each stage took. ``images``
+    says where the pictures go: into it, into a file beside it that other runs of the log share, or nowhere. At a live
+    ``pace`` that drops frames, the recording depends on the machine too.
     ``controls`` may pause it, and end it before the last frame.
     """
     # Matrices of a step are small: a second BLAS thread costs ten times what it saves.
@@ -105,6 +109,11 @@ def replay(
             "versions": {package: version(package) for package in REPORTED_PACKAGES},
             "distance_model": dict(model.metadata) if model is not None else {},
         }
+        shared: SharedImages | None = None
+        if images == "separate":
+            folder, digest = outputs.recording.parent, str(configuration["log_sha256"])
+            shared = SharedImages.of(folder, log_path, digest, window)
+            shared.write_unless_there(log, window)
         controls = controls or Controls()
         clock = Pace(pace, sleep=controls.sleep)
         controls.govern(clock)
@@ -135,7 +144,8 @@ def replay(
                 road_map=road_map,
                 about_markdown=about(log_path.name, configuration),
                 settings={"configuration": json.dumps(configuration)},
-                images=images,
+                images=images == "embed",
+                identity=shared.identity if shared else "",
             )
         )
         results = files.enter_context(
@@ -174,6 +184,8 @@ def replay(
             raise InputError(f"{log_path}: no image between {window.start_s} s and {window.stop_s} s")
         elapsed_s = max(time.perf_counter() - controls.waited_s - begun, 1e-9)
         summary = results.summary()
+        if shared:
+            summary["images"] = shared.path.name
         summary["rate"] = {
             "frames_per_s": (done - 1) / elapsed_s,
             "real_time_factor": (frame.stamp_ns - first_ns) * 1e-9 / elapsed_s,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.ingest.drive_log import DriveLog
+from scpf.ingest.log_messages import EncodedImage
 from scpf.models.errors import InputError, MissingError
 from scpf.models.instances import Image
 from scpf.models.trajectory import Trajectory
@@ -85,6 +86,21 @@ class GpsEmulator:
         return position
 
 
+def pictures(log: DriveLog, window: Window) -> Iterator[tuple[int, float, EncodedImage]]:
+    """The log's images within the window: index in the log, seconds after its first image, and the image."""
+    first_ns: int | None = None
+    thinning = Thinning(window.rate_hz)
+    for index, picture in enumerate(log.images()):
+        first_ns = picture.stamp_ns if first_ns is None else first_ns
+        seconds = (picture.stamp_ns - first_ns) * 1e-9
+        if 0.0 < window.start_s > seconds:  # a clock that goes back is no reason to leave a frame out
+            continue
+        if seconds >= window.stop_s:
+            break
+        if thinning.keeps(seconds):
+            yield index, seconds, picture
+
+
 def read_frames(
     log: DriveLog,
     trajectory: Trajectory | None,
@@ -113,18 +129,8 @@ def read_frames(
         emulator = GpsEmulator(gps.sigma_m, seed)
     masks = log.instances() if recorded else {}
 
-    first_ns: int | None = None
     last_ns: int | None = None
-    thinning = Thinning(window.rate_hz)
-    for index, picture in enumerate(log.images()):
-        first_ns = picture.stamp_ns if first_ns is None else first_ns
-        seconds = (picture.stamp_ns - first_ns) * 1e-9
-        if 0.0 < window.start_s > seconds:  # a clock that goes back is no reason to leave a frame out
-            continue
-        if seconds >= window.stop_s:
-            break
-        if not thinning.keeps(seconds):
-            continue
+    for index, seconds, picture in pictures(log, window):
         pose = None if trajectory is None else trajectory.at(picture.stamp_ns)
         interval_s = 0.0 if last_ns is None else (picture.stamp_ns - last_ns) * 1e-9
         problems: list[tuple[str, str]] = []

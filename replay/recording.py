@@ -20,14 +20,12 @@ from scpf.replay import overlays, shapes
 from scpf.replay.blueprint import MAP_ASPECT, Extent, layout
 from scpf.replay.recording_camera import log_image, log_instances
 from scpf.replay.recording_rows import RowBatches
+from scpf.replay.recording_stream import FLUSH_EVERY, new_stream
 from scpf.replay.recording_style import TRUE_DISTANCE, log_map, log_style, log_surface_style, timing_style
 from scpf.replay.step import Frame, Step, Surface
 
 Array = NDArray[np.float64]
 
-FLUSH_EVERY: Final = 26
-"""Steps between two flushes: by count, not by the clock, so that a run twice over cuts its chunks alike."""
-NEVER_S: Final = 1e6
 ABOVE_PARTICLES_M: Final = 0.3
 SLOWEST_MPS: Final = 0.3
 NAMESPACE: Final = uuid.UUID("6f6f1d0c-5f0b-4a3e-9d35-0e6f6b1c7a10")
@@ -53,8 +51,12 @@ class Recording:
         about_markdown: str,
         settings: Mapping[str, str],
         images: bool = True,
+        identity: str = "",
     ) -> None:
-        """``images`` False leaves the pictures out; masks, outlines and labels stay."""
+        """``images`` False leaves the pictures out; masks, outlines and labels stay.
+
+        ``identity`` is the recording id, for a recording that the viewer shows together with a file of pictures.
+        """
         self.path = path
         self.partial_path = path.with_suffix(".partial.rrd")  # the viewer opens nothing else
         self._camera = camera
@@ -70,12 +72,8 @@ class Recording:
         self._before: dict[str, Array] = {}
         self._unflushed = 0
         # The same run twice is the same recording; two different runs can be opened side by side.
-        identity = str(uuid.uuid5(NAMESPACE, repr((name, sorted(settings.items())))))
-        batches = rr.ChunkBatcherConfig(flush_tick=NEVER_S)  # one-row chunks would double the file
-        self._rec = rr.RecordingStream(
-            "scpf", recording_id=identity, send_properties=False, batcher_config=batches
-        )
-        self._rec.set_log_time_enabled(False)
+        own = str(uuid.uuid5(NAMESPACE, repr((name, sorted(settings.items())))))
+        self._rec = new_stream(identity or own)
         self._rows = RowBatches(self._rec)
         size = (camera.width_px, camera.height_px) if camera else None
         try:
@@ -108,7 +106,7 @@ class Recording:
         self._rec.set_time("time", timestamp=np.datetime64(step.frame.stamp_ns, "ns"))
         self._rows.at(step.frame.index, step.frame.stamp_ns)
         if self._images:
-            log_image(self._rec, step.frame)
+            log_image(self._rec, step.frame.encoded, step.frame.image_format)
         height_px = self._camera.height_px if self._camera else None
         log_instances(self._rec, self._rows, step, self._classes, height_px)
         self._log_reference(step.frame, step.belief)

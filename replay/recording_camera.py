@@ -9,19 +9,17 @@ import rerun as rr
 
 from scpf.replay import overlays
 from scpf.replay.recording_rows import RowBatches
-from scpf.replay.step import Frame, Step
+from scpf.replay.step import Step
 
 LOWEST_LABEL: Final = 0.93
 """Of the image's height: the label of a pole that is cut off below would lie outside."""
 
 
-def log_image(rec: rr.RecordingStream, frame: Frame) -> None:
-    """The image in the log's own bytes; cleared where the frame has none."""
-    encoded = bytes(frame.encoded)  # bytes are taken as they are, an array would be converted
-    kind = overlays.media_type(frame.image_format, encoded)
-    image = (
-        rr.EncodedImage.from_fields(blob=encoded, media_type=kind) if encoded else rr.EncodedImage.cleared()
-    )
+def log_image(rec: rr.RecordingStream, encoded: bytes | memoryview, image_format: str) -> None:
+    """An image in the log's own bytes; cleared where there are none."""
+    blob = bytes(encoded)  # bytes are taken as they are, an array would be converted
+    kind = overlays.media_type(image_format, blob)
+    image = rr.EncodedImage.from_fields(blob=blob, media_type=kind) if blob else rr.EncodedImage.cleared()
     rec.log("camera/image", image)
 
 
@@ -37,9 +35,12 @@ def log_instances(
     matched = [*(match.landmark_id for match in step.matches), *("" for _ in step.unmeasured)]
     numbers = [classes.class_of(landmark_id) for landmark_id in matched]
     masks = overlays.mask_picture(instances, numbers)
-    png, corner = ([], []) if masks is None else ([masks[0]], [(*masks[1], 0)])
-    rows.add("camera/masks", rr.EncodedImage.columns, blob=png)
-    rows.add("camera/masks", rr.Transform3D.columns, translation=corner)
+    # Pictures of different sizes in one batch of rows: the viewer takes them for a video, and complains.
+    if masks is None:
+        rec.log("camera/masks", rr.EncodedImage.cleared())
+    else:
+        png, (x, y) = masks
+        rec.log("camera/masks", rr.EncodedImage.from_fields(blob=png), rr.Transform3D(translation=(x, y, 0)))
     strips = [overlays.outlines(instance.mask, instance.offset_px) for instance in instances]
     ids = [number for number, parts in zip(numbers, strips, strict=True) for _ in parts]
     joined = [part for parts in strips for part in parts]

@@ -36,7 +36,7 @@ def replay(
     stop: float = float("inf"),
     duration: float | None = None,
     loop: int = 1,
-    images: Literal["embed", "none"] = "embed",
+    images: Literal["embed", "separate", "none"] = "embed",
     timing: bool = False,
     overwrite: bool = False,
     quiet: Annotated[bool, Parameter(alias="-q")] = False,
@@ -113,8 +113,9 @@ def replay(
     loop
         Replay that many times over. Each pass after the first has the next seed, and files of its own: NAME.2.rrd ...
     images
-        `embed` puts the log's own image bytes into the recording; `none` leaves them out: a fifth of the size
-        for the sample drive.
+        `embed` puts the log's own image bytes into the recording. `separate` puts them into LOG.images.rrd beside it,
+        once for all runs of that log and stretch in the folder; `scpf view` opens both. `none` leaves them out. Without
+        them the sample drive's recording has a fifth of the size.
     timing
         Also record what each stage took; two runs then differ. The summary has the times in any case.
     overwrite
@@ -179,7 +180,7 @@ def replay(
                         window,
                         progress.step,
                         record_timing=timing,
-                        images=images == "embed",
+                        images=images,
                         pace=pacing,
                         controls=controls,
                     )

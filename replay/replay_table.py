@@ -33,4 +33,7 @@ def table(summary: dict[str, Any], outputs: Outputs) -> str:
             f"   95 % {rate['latency_p95_ms']:.0f}   worst {rate['latency_max_ms']:.0f}"
             f"   dropped {rate['dropped']}"
         )
-    return "\n".join([*rows, *(f"{path}" for path in (outputs.recording, outputs.results, outputs.summary))])
+    files = [outputs.recording, outputs.results, outputs.summary]
+    if "images" in summary:
+        files.insert(1, outputs.recording.with_name(summary["images"]))
+    return "\n".join([*rows, *map(str, files)])

@@ -11,7 +11,7 @@ LOCAL: str = "127.0.0.1"
 
 
 def view(rrd: Path, *, web: bool = False, port: int = 9876) -> int:
-    """Open a recording in the Rerun viewer. It listens on this machine alone.
+    """Open a recording in the Rerun viewer, with the file of its pictures beside it. It listens on this machine alone.
 
     Over SSH, use --web with the viewer's two ports forwarded: ssh -L 9090:localhost:9090 -L 9876:localhost:9876 HOST
 
@@ -33,12 +33,13 @@ def view(rrd: Path, *, web: bool = False, port: int = 9876) -> int:
     import subprocess
 
     from scpf.models.errors import InputError
+    from scpf.replay.recording_images import with_images
     from scpf.replay.viewer import viewer_executable
 
     if not rrd.is_file():
         raise InputError(f"{rrd} is not there", "scpf replay makes one")
     options = ["--bind", LOCAL, "--port", str(port), *(["--web-viewer"] if web else [])]
-    return subprocess.call([str(viewer_executable()), *options, str(rrd)])
+    return subprocess.call([str(viewer_executable()), *options, *map(str, with_images(rrd))])
 
 
 def screenshot(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.errors import InputError, MissingError
+from scpf.replay.recording_images import with_images
 
 Pixels = NDArray[np.uint8]
 
@@ -53,7 +54,8 @@ def screenshot(
         raise InputError(f"{rrd_path} is not there")
     targets = list(paths or (out_dir / f"{rrd_path.stem}_{index:06d}.png" for index in frame_indices))
     with headless_viewer(size) as viewer:
-        _open(viewer, rrd_path)
+        for path in with_images(rrd_path):
+            _open(viewer, path)
         opened_s = time.monotonic()
         for index, target in zip(frame_indices, targets, strict=True):
             viewer.set_time("frame", sequence=index, play_state="paused")

@@ -12,11 +12,13 @@ from synthetic_steps import camera, road_map, synthetic_steps
 
 from scpf.models.errors import InputError, MissingError
 from scpf.replay import viewer
-from scpf.replay.overlays import LandmarkClasses
+from scpf.replay.cli import run
+from scpf.replay.overlays import LANDMARK_COLOURS, LandmarkClasses
 from scpf.replay.recording import Recording
 
 needs_driver = pytest.mark.skipif(bool(viewer.missing_driver()), reason=viewer.missing_driver() or "–")
 
+SAMPLE = Path(__file__).parent.parent / "sample_logs" / "ring_road.mcap"
 SIZE = (1200, 800)
 BLIND = 3
 
@@ -63,6 +65,18 @@ def test_every_view_shows_what_it_should(rrd: Path, tmp_path: Path) -> None:
     assert near(seen["map"], colour) > near(blind["map"], colour), "ring of the predicted distance"
     assert near(seen["plots"], colour) > 5, "its distance"
     assert near(seen["plots"], (70, 230, 255)) > 10, "position error of the scPF"
+
+
+@needs_driver
+def test_pictures_in_a_file_of_their_own_lie_under_the_masks(tmp_path: Path) -> None:
+    options = ["--segmenter", "recorded", "--duration", "0.3", "--images", "separate", "-q"]
+    assert run(["replay", str(SAMPLE), "-o", str(tmp_path), *options]) == 0
+    (path,) = viewer.screenshot(tmp_path / "ring_road.rrd", [2], tmp_path, SIZE)
+    camera_view = np.asarray(Image.open(path))[: SIZE[1] // 2, : SIZE[0] // 2]
+    red, green, blue = camera_view.astype(int).transpose(2, 0, 1)
+    assert ((blue > 150) & (blue > red + 15)).sum() > 2000, "the sky of the picture"
+    assert ((green > red + 20) & (green > blue + 20)).sum() > 2000, "and its grass"
+    assert near(camera_view, LANDMARK_COLOURS[3]) > 20, "the outline of P11"
 
 
 def test_without_a_driver_the_error_says_what_to_install(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
