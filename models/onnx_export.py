@@ -7,8 +7,7 @@ CPUs without VNNI saturate sums of products of the full range.
 
 from __future__ import annotations
 
-import contextlib
-import io
+import logging
 import tempfile
 import warnings
 from collections.abc import Sequence
@@ -97,7 +96,8 @@ def _trace(net: polenet.PoleNet, path: Path) -> None:
     whole = _WholePoleNet(polenet.fold_batch_norm(net)).eval()
     example = torch.zeros(1, *_EXAMPLE_PX, 3, dtype=torch.uint8)
     height, width = torch.export.Dim("height_cells"), torch.export.Dim("width_cells")
-    with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it tells of torchvision's absence, line by line
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of torch's exporter about itself
         torch.onnx.export(
             whole,

@@ -1,0 +1,138 @@
+"""What a picture costs from JPEG bytes to instances: decode, network, grouping; torch beside ONNX Runtime.
+
+Not run by default. By hand (two minutes; needs `scpf[onnx]`):
+
+    SCPF_BENCHMARK=1 pytest tests/benchmarks/test_segmenter_cost.py -s
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from scpf.models import polenet, segmentation
+from scpf.models.instances import Instance
+from scpf.models.onnx_segmenter import OnnxSegmenter
+from scpf.replay.frames import decode
+from scpf.replay.network_export import export_network
+from scpf.sample_logs.street_scenes import scene
+
+pytestmark = pytest.mark.skipif(
+    "SCPF_BENCHMARK" not in os.environ, reason="a benchmark: SCPF_BENCHMARK=1 runs it"
+)
+
+SIZES_PX = ((2048, 1536), (1024, 768))
+SEED = 900_009
+ROUNDS = 12
+WORKERS, PICTURES = 2, 40
+Call = Callable[[], Any]
+
+
+@pytest.fixture(scope="module")
+def segmenters(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    folder = tmp_path_factory.mktemp("onnx")
+    found: dict[str, Any] = {"torch float32": segmentation.load("polenet", threads=1)}
+    if polenet.has_fast_bfloat16():
+        found["torch bfloat16"] = segmentation.load("polenet", threads=1, bfloat16=True)
+    for precision in ("float32", "int8"):
+        path = folder / f"{precision}.onnx"
+        export_network("polenet", path, precision, [], False, print)
+        found[f"onnx {precision}"] = segmentation.load(path, threads=1)
+    return found
+
+
+def jpeg(size_px: tuple[int, int]) -> bytes:
+    image, _ = scene(SEED)
+    return cv2.imencode(".jpg", cv2.resize(image, size_px), [cv2.IMWRITE_JPEG_QUALITY, 92])[1].tobytes()
+
+
+def network(segmenter: Any, framed: np.ndarray) -> tuple[np.ndarray, ...]:
+    if isinstance(segmenter, OnnxSegmenter):
+        return segmenter.maps(framed)
+    return segmentation.maps(segmenter._net, framed)
+
+
+def cpu_ms(calls: dict[str, Call]) -> dict[str, float]:
+    """The least CPU time of each over interleaved rounds."""
+    best: dict[str, float] = {}
+    for _ in range(ROUNDS):
+        for name, call in calls.items():
+            begun = time.process_time()
+            call()
+            best[name] = min(best.get(name, np.inf), 1000 * (time.process_time() - begun))
+    return best
+
+
+@pytest.mark.parametrize("size_px", SIZES_PX)
+def test_the_parts(size_px: tuple[int, int], segmenters: dict[str, Any]) -> None:
+    cv2.setNumThreads(1)
+    torch.set_num_threads(1)
+    encoded = jpeg(size_px)
+    image = decode(encoded, "")
+    framed, shown_px = segmentation.frame(image)
+    maps = network(segmenters["torch float32"], framed)
+    info = segmenters["torch float32"].info
+    calls: dict[str, Call] = {
+        "decode": lambda: decode(encoded, ""),
+        "frame": lambda: segmentation.frame(image),
+        "grouping": lambda: segmentation.instances(
+            maps[0], maps[1], maps[2], image.shape[:2], shown_px, info.calibration, 0.1
+        ),
+    }
+    for name, segmenter in segmenters.items():
+        calls[name] = partial(network, segmenter, framed)
+    costs = cpu_ms(calls)
+    print(
+        f"\n{size_px[0]}×{size_px[1]}, CPU ms on one core: "
+        + ", ".join(f"{k} {v:.1f}" for k, v in costs.items())
+    )
+    around = costs["decode"] + costs["frame"] + costs["grouping"]
+    for name in segmenters:
+        print(
+            f"  {name}: {around + costs[name]:.0f} ms, {2000 / (around + costs[name]):.1f} frames/s on two cores"
+        )
+    assert costs["onnx int8"] < 0.7 * costs["torch float32"]
+
+
+@pytest.mark.parametrize("size_px", SIZES_PX)
+def test_frames_a_second_of_two_workers(size_px: tuple[int, int], segmenters: dict[str, Any]) -> None:
+    cv2.setNumThreads(1)
+    encoded = jpeg(size_px)
+    for name, segmenter in segmenters.items():
+
+        def whole(_: int, segmenter: Any = segmenter) -> list[Instance]:
+            return segmenter(decode(encoded, ""))  # type: ignore[no-any-return]
+
+        with ThreadPoolExecutor(WORKERS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+            list(pool.map(whole, range(4)))
+            begun = time.perf_counter()
+            list(pool.map(whole, range(PICTURES)))
+            seconds = time.perf_counter() - begun
+        print(
+            f"\n{size_px[0]}×{size_px[1]}, {name}: {PICTURES / seconds:.1f} frames/s, load {os.getloadavg()[0]:.1f}"
+        )
+
+
+def test_what_eight_bits_cost(segmenters: dict[str, Any], tmp_path: Path) -> None:
+    """Precision and recall on painted scenes that no training saw."""
+    from scpf.models.labelled_images import ids_images
+    from scpf.models.segmentation_evaluation import EvaluationSettings, evaluate
+    from scpf.sample_logs.street_scenes import write_scenes
+
+    write_scenes(tmp_path, range(2_000_000, 2_000_060))
+    images = ids_images(tmp_path)
+    for name, segmenter in segmenters.items():
+        segmenter.threshold = 0.05
+        figures = evaluate(segmenter, images, EvaluationSettings()).document()["figures"]
+        kept = ("mask_ap50", "precision", "recall", "thickness_error_median_px")
+        print(f"\n{name}: " + ", ".join(f"{key} {figures[key]:.3f}" for key in kept))
