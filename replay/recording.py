@@ -87,6 +87,7 @@ class Recording:
         log_style(self._rec)
         if road_map is not None:
             log_map(self._rec, road_map, self._classes)
+        self._rec.flush()  # what never changes goes first: else the viewer may take the masks for a video
 
     def __enter__(self) -> Self:
         return self

@@ -35,12 +35,9 @@ def log_instances(
     matched = [*(match.landmark_id for match in step.matches), *("" for _ in step.unmeasured)]
     numbers = [classes.class_of(landmark_id) for landmark_id in matched]
     masks = overlays.mask_picture(instances, numbers)
-    # Pictures of different sizes in one batch of rows: the viewer takes them for a video, and complains.
-    if masks is None:
-        rec.log("camera/masks", rr.EncodedImage.cleared())
-    else:
-        png, (x, y) = masks
-        rec.log("camera/masks", rr.EncodedImage.from_fields(blob=png), rr.Transform3D(translation=(x, y, 0)))
+    png, corner = ([], []) if masks is None else ([masks[0]], [(*masks[1], 0)])
+    rows.add("camera/masks", rr.EncodedImage.columns, blob=png)
+    rows.add("camera/masks", rr.Transform3D.columns, translation=corner)
     strips = [overlays.outlines(instance.mask, instance.offset_px) for instance in instances]
     ids = [number for number, parts in zip(numbers, strips, strict=True) for _ in parts]
     joined = [part for parts in strips for part in parts]

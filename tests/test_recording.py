@@ -236,3 +236,11 @@ def test_road_edges_lie_half_a_width_to_either_side() -> None:
     np.testing.assert_allclose(np.linalg.norm(left - centre, axis=1), 4.0, rtol=1e-5)
     (east, north), across = np.diff(centre[:, :2], axis=0).T, (left - right)[:-1]
     assert (east * across[:, 1] - north * across[:, 0] > 0).all()
+
+
+def test_what_never_changes_comes_first(tmp_path: Path) -> None:
+    """In another order, the viewer takes the masks for a video and complains over every view."""
+    path = write(tmp_path / "bend.rrd", synthetic_steps(3, particles=10, cells=CELLS))
+    for entity in ("/camera/masks", "/camera/image"):
+        static = [chunk.is_static for chunk in RrdReader(path).stream().filter(content=entity)]
+        assert static == sorted(static, reverse=True) and static[0] and not static[-1]
