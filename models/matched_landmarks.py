@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,10 @@ from numpy.typing import NDArray
 from scpf.models.matched_kernels import measure_matched
 
 Array = NDArray[np.float64]
+
+CANDIDATE_RANGE_M: Final = 90.0
+CANDIDATE_BEHIND_M: Final = 15.0
+"""Landmarks this near, and no further behind, are candidates: others cannot be in sight, whatever the error."""
 
 
 @dataclass(frozen=True)

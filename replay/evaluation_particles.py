@@ -12,7 +12,7 @@ from scpf.models import compiled_terms as terms
 from scpf.models.batch_filter import BatchFilter, Motion, Term
 from scpf.models.consider import ConsiderCovariance
 from scpf.models.lasting_errors import LastingTempering
-from scpf.models.matched_landmarks import Sighting
+from scpf.models.matched_landmarks import CANDIDATE_BEHIND_M, CANDIDATE_RANGE_M, Sighting
 from scpf.models.motion import ConstantTurnRate, ConstantVelocity
 from scpf.models.road_map import fit_segment
 from scpf.replay.evaluation_common import INITIAL_DEVIATIONS, Runs
@@ -22,8 +22,6 @@ from scpf.replay.protocol import Detection, Scenario
 Array = NDArray[np.float64]
 
 INITIAL_HEADING_DEVIATIONS: Final = np.array([0.2, 0.05])
-CANDIDATE_RANGE_M: Final = 90.0
-CANDIDATE_BEHIND_M: Final = 15.0
 
 
 class ParticleRuns(Runs):
@@ -46,7 +44,10 @@ class ParticleRuns(Runs):
         self.cubics = terms.road_cubics([fit_segment(line, anchor) for anchor in self.positions_m])
         self.half_width_m = scenario.road_map.half_width_m
         motion: Motion
-        deviations = INITIAL_DEVIATIONS
+        # Without GPS nothing but landmarks tells of a first speed that is far off, and they are believed slowly.
+        deviations = INITIAL_DEVIATIONS * np.array(
+            [1.0, 1.0, settings.velocity_doubt, settings.velocity_doubt]
+        )
         self.consider: ConsiderCovariance | None = None
         if settings.motion == "constant-turn-rate":
             turning = ConstantTurnRate(settings.q_m2ps3, settings.q_turn_rad2ps3)

@@ -27,6 +27,7 @@ class Estimator:
     by every particle for itself, used where ``per_particle`` and matching is unknown. ``consider``: what lasts of the
     errors is found out, and the covariance tells of it; None for that of the particles. In a particle filter
     bearings, heading and ``consider`` need states with a heading: a constant turn rate.
+    ``velocity_doubt``: how many times wider than stated the first velocities are drawn.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Estimator:
     landmark_deviation_m: float = 0.0
     per_particle: bool = False
     consider: ConsiderSettings | None = None
+    velocity_doubt: float = 1.0
     floor: float = 0.001
     particles: int = 500
     resample_below: float = 1.0
@@ -70,6 +72,7 @@ PRESETS: Final = {
         tempering=LastingTempering(),
         per_particle=True,
         consider=ConsiderSettings(),
+        velocity_doubt=2.0,
     ),
 }
 """``paper``: the soft-constrained filter as published. ``pf``: the same without constraints. ``ekf``: range, bearing

@@ -129,3 +129,17 @@ def test_the_command_takes_them_and_says_them(capsys: pytest.CaptureFixture[str]
     assert "after the first frame" in capsys.readouterr().out
     assert run(["evaluate", "--gps-outage", "2-4"]) == 2
     assert "--gps-outage '2-4' is not two numbers" in capsys.readouterr().err
+
+
+def test_a_first_speed_that_is_far_off_is_found_out_without_gps() -> None:
+    scenario = simulated(PLAN, "S1", 0)
+    fixed = np.arange(len(scenario.times_s)) == 0
+    # This run's first velocity is off by 6 m/s, almost four of its deviations.
+    ends_m = []
+    for doubt in (PRESETS["default"].velocity_doubt, 1.0):
+        settings = replace(PRESETS["default"], velocity_doubt=doubt)
+        estimates = run_estimator(settings, scenario, 3.0, [10], False, fixed)
+        ends_m.append(
+            float(np.hypot(*(estimates.positions_m[0] - scenario.drive.positions_m).T)[-50:].mean())
+        )
+    assert ends_m[0] < 3.0 < 15.0 < ends_m[1]
