@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
@@ -17,12 +16,13 @@ from scpf.models.camera import Camera
 from scpf.models.constraints import Constraint
 from scpf.models.instances import Instance
 from scpf.models.labelling import Label, label
-from scpf.models.motion import ConstantTurnRate, ConstantVelocity, MotionModel, turn_rate_state
+from scpf.models.motion import ConstantTurnRate, ConstantVelocity, turn_rate_state
 from scpf.models.observation import Distance, Observation
 from scpf.models.particle_filter import Belief, ParticleFilter, PositionFix
 from scpf.models.road_map import RoadMap
 from scpf.models.trajectory import yaw_of
 from scpf.replay.kalman_tracker import KalmanTracker
+from scpf.replay.lasting_tracker import LastingTracker
 from scpf.replay.settings import Settings
 from scpf.replay.soft_constraints import soft_constraints
 from scpf.replay.step import Errors, Frame, Step
@@ -91,17 +91,16 @@ class Pipeline:
         self._camera = camera
         self._map = road_map if road_map is not None else RoadMap((), np.zeros((0, 2)))
         streams = [np.random.default_rng([settings.seed, 2, stream]) for stream in (0, 1)]
-        motion: MotionModel = ConstantVelocity(settings.q_m2ps3)
-        filter_settings = settings.filter
-        if settings.heading is not None:
-            motion = ConstantTurnRate(settings.q_m2ps3, settings.heading.q_turn_rad2ps3)
-            variance = (*settings.filter.initial_variance, *settings.heading.initial_variance)
-            filter_settings = replace(settings.filter, initial_variance=variance)
+        velocity = ConstantVelocity(settings.q_m2ps3)
         self._filter: Tracker
-        if settings.kalman is None:
-            self._filter = ParticleFilter(motion, filter_settings, streams[0])
+        if settings.kalman is not None:
+            self._filter = KalmanTracker(velocity, settings.filter, streams[0])
+        elif settings.heading is not None:
+            turning = ConstantTurnRate(settings.q_m2ps3, settings.heading.q_turn_rad2ps3)
+            around = (settings.filter, self._map, streams[0])
+            self._filter = LastingTracker(settings.heading, turning, *around)
         else:
-            self._filter = KalmanTracker(ConstantVelocity(settings.q_m2ps3), filter_settings, streams[0])
+            self._filter = ParticleFilter(velocity, settings.filter, streams[0])
         self._baseline = ParticleFilter(
             ConstantVelocity(settings.baseline_q_m2ps3), settings.filter, streams[1]
         )
@@ -137,7 +136,8 @@ class Pipeline:
             predicted = self._filter.predict(dt_s)
             self._baseline.predict(dt_s)
             matches = self._match(observations, predicted)
-            constraints = self._constraints(observations, matches, predicted, self._yaw(predicted))
+            exponent = self._filter.exponent if isinstance(self._filter, LastingTracker) else 1.0
+            constraints = self._constraints(observations, matches, predicted, self._yaw(predicted), exponent)
             fix = None if frame.gps_m is None else PositionFix(frame.gps_m, frame.gps_variance_m2)
             belief = self._filter.update(constraints, fix)
             baseline = self._baseline.update([], fix)

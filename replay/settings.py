@@ -8,8 +8,10 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from scpf.models.association import NearestNeighbour
+from scpf.models.consider import ConsiderSettings
 from scpf.models.devices import DeviceName
 from scpf.models.errors import UsageError
+from scpf.models.lasting_errors import LastingTempering
 from scpf.models.maskrcnn_conventions import CheckpointSettings
 from scpf.models.particle_filter import FilterSettings
 
@@ -46,16 +48,19 @@ class HeadingSettings:
     """Beyond the paper: a heading of its own, bearings against it, and matching by every particle for itself.
 
     ``q_turn_rad2ps3``: noise density of the turn rate. ``bearing_deviation_rad`` weighs bearings,
-    ``road_deviation_rad`` the road's direction. ``tempering``: exponent of the landmarks' log-probability, for errors
-    that last. ``floor``: ε for "none of the mapped landmarks".
+    ``road_deviation_rad`` the road's direction. ``tempering``: exponent of the landmarks' log-probability, as far as
+    errors last, which ``consider`` finds out. ``floor``: ε for "none of the mapped landmarks". ``initial_variance`` of
+    heading and turn rate; first velocities are drawn ``velocity_doubt`` times as wide as the filter's variances say.
     """
 
     q_turn_rad2ps3: float = 0.003
     bearing_deviation_rad: float = float(np.radians(3.0))
     road_deviation_rad: float = float(np.radians(7.0))
-    tempering: float = 0.21
     floor: float = 0.001
     initial_variance: tuple[float, float] = (0.2**2, 0.05**2)
+    velocity_doubt: float = 2.0
+    tempering: LastingTempering = field(default_factory=LastingTempering)
+    consider: ConsiderSettings = field(default_factory=ConsiderSettings)
 
 
 @dataclass(frozen=True)

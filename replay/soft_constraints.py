@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 from scpf.models.association import Match
 from scpf.models.bearing_constraint import HeadingConstraint, RoadBearingConstraint
 from scpf.models.constraints import Constraint, LandmarkConstraint, RoadConstraint, SpeedConstraint
-from scpf.models.matched_landmarks import MatchedLandmarks, Sighting
+from scpf.models.matched_landmarks import (
+    CANDIDATE_BEHIND_M,
+    CANDIDATE_RANGE_M,
+    MatchedLandmarks,
+    Sighting,
+)
 from scpf.models.observation import Observation
 from scpf.models.road_map import RoadMap
 from scpf.replay.settings import HeadingSettings, Settings
@@ -25,8 +30,11 @@ def soft_constraints(
     matches: Sequence[Match],
     predicted: Array,
     yaw_rad: float,
+    exponent: float = 1.0,
 ) -> list[Constraint]:
     """The constraints about the ``predicted`` state (D,), whose heading is ``yaw_rad``.
+
+    ``exponent``: what landmarks count that every particle matches for itself.
 
     ``matches`` run parallel to ``observations``. The paper's are road, speed and the range of each matched landmark.
     """
@@ -40,7 +48,7 @@ def soft_constraints(
     if settings.heading is not None:
         return [
             *constraints,
-            *_of_every_particle(settings, settings.heading, road_map, observations, predicted),
+            *_of_every_particle(settings, settings.heading, road_map, observations, predicted, exponent),
         ]
     if not wanted.landmarks:
         return constraints
@@ -67,25 +75,33 @@ def _of_every_particle(
     road_map: RoadMap,
     observations: Sequence[Observation],
     predicted: Array,
+    exponent: float,
 ) -> list[Constraint]:
     """Beyond the paper: the road's direction, and every particle's own match of range and bearing."""
     constraints: list[Constraint] = []
     direction = road_map.direction_near(predicted[:2], predicted[2:4])
     if direction is not None:
         constraints.append(HeadingConstraint(direction, heading.road_deviation_rad))
-    own_m2 = max((mark.variance_m2 for mark in road_map.landmarks), default=0.0)
-    sightings = [
-        Sighting(
-            seen.distance.mean_m,
-            float(np.sqrt(seen.distance.variance_m2 + own_m2)),
-            seen.bearing_rad,
-            float(np.hypot(heading.bearing_deviation_rad, np.sqrt(own_m2) / seen.distance.mean_m)),
-        )
-        for seen in observations
-        if seen.distance.in_range and seen.distance.mean_m > 0.0
-    ]
-    near = np.hypot(*(road_map.positions_m - predicted[:2]).T) < settings.matching.max_distance_m
-    if sightings and near.any() and settings.constraints.landmarks:
-        positions = road_map.positions_m[near]
-        constraints.append(MatchedLandmarks(positions, sightings, heading.floor, heading.tempering))
+    if not settings.constraints.landmarks:
+        return constraints
+    offset = road_map.positions_m - predicted[:2]
+    ahead = offset @ np.array([np.cos(predicted[4]), np.sin(predicted[4])])
+    candidates = (np.hypot(*offset.T) < CANDIDATE_RANGE_M) & (ahead > -CANDIDATE_BEHIND_M)
+    marks = [mark for mark, near in zip(road_map.landmarks, candidates, strict=True) if near]
+    for name in dict.fromkeys(mark.landmark_class for mark in marks):
+        sightings = [
+            Sighting(
+                seen.distance.mean_m,
+                float(np.sqrt(seen.distance.variance_m2)),
+                seen.bearing_rad,
+                heading.bearing_deviation_rad,
+            )
+            for seen in observations
+            if seen.instance.landmark_class == name and seen.distance.in_range and seen.distance.mean_m > 0.0
+        ]
+        if sightings:
+            same = [mark for mark in marks if mark.landmark_class == name]
+            positions = np.array([mark.position_m[:2] for mark in same])
+            own = np.array([mark.variance_m2 for mark in same])
+            constraints.append(MatchedLandmarks(positions, sightings, heading.floor, exponent, own))
     return constraints
