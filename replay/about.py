@@ -21,7 +21,8 @@ Preset `{settings["preset"]}`, segmenter `{settings["segmenter"]}`, seed {settin
 - **World**: road edges, poles with the circle of the predicted distance, particles by weight (bright = heavy), estimate
   with its 2 σ ellipse, reference, GPS fixes, and the plain particle filter beside it. The **surface** under them is the
   paper's constraint surface Σ max(C, 0) above its minimum, cut at 15 m (dark = every constraint kept); hover to read a
-  cell. The other tabs hold the joint log-probability and the whole map.
+  cell. The other tabs hold the joint log-probability and the whole map; after `--surface-terms` also **each
+  constraint**: its own log-probability, from 0 (kept) to −20, and the GPS fix's. *Range 1* is the nearest pole's.
 - **Errors**: distance from the reference: total, along and across the road; the plain particle filter for comparison.
 - **Filter**: effective sample size and log-evidence. The state lane reads *tracking* (a landmark constrains),
   *unconstrained* (none in sight), *lost* (no particle is near what was observed) or *initialising* (neither a reference

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,6 +13,7 @@ TRAIL_FRAMES: Final = 130
 PLOT_FRAMES_BEFORE: Final = 130
 PLOT_FRAMES_AFTER: Final = 39
 EYE_HEIGHT_M: Final = 52.0
+TERM_EYE_HEIGHT_M: Final = 42.0
 MAP_ASPECT: Final = 1.4
 """Width over height of the map's view, or a little less."""
 BACKGROUND: Final = (24, 26, 30)
@@ -25,10 +27,15 @@ class Extent:
     half_height_m: float
 
 
-def layout(image_size_px: tuple[int, int] | None, extent: Extent | None) -> rrb.Blueprint:
-    """The layout for a camera of ``image_size_px`` (width, height) and a map of ``extent``, where known."""
+def layout(
+    image_size_px: tuple[int, int] | None, extent: Extent | None, terms: Sequence[str] = ()
+) -> rrb.Blueprint:
+    """The layout for a camera of ``image_size_px`` (width, height) and a map of ``extent``, where known.
+
+    Each of ``terms`` has a small map of its own.
+    """
     left = rrb.Vertical(_camera(image_size_px), _distances(), _state(), row_shares=[10, 6, 2])
-    right = rrb.Vertical(_maps(extent), _tabs(), row_shares=[10, 7])
+    right = rrb.Vertical(_maps(extent, terms), _tabs(), row_shares=[10, 7])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
         rrb.TimePanel(timeline="frame", state="collapsed", fps=FRAMES_A_SECOND),
@@ -76,10 +83,10 @@ def _state() -> rrb.View:
     return rrb.StateTimelineView(origin="/filter/state", name="Filter state")
 
 
-def _maps(extent: Extent | None) -> rrb.Container:
+def _maps(extent: Extent | None, terms: Sequence[str]) -> rrb.Container:
     near = rrb.EyeControls3D(position=(0, -0.01, EYE_HEIGHT_M), look_target=(0, 0, 0), eye_up=(0, 1, 0))
     common = ["/world/**", "- /world/surface/**"]
-    views = [
+    views: list[rrb.View | rrb.Container] = [
         _map("Map, constraint violation", [*common, "+ /world/surface/sum/**"], near),
         _map("Map, log-probability", [*common, "+ /world/surface/log_probability/**"], near),
     ]
@@ -98,7 +105,22 @@ def _maps(extent: Extent | None) -> rrb.Container:
             "/world/gps",
         ]
         views.append(_map("Whole map", overview, far, origin="/world", trail_frames=100_000))
+    if terms:
+        views.append(_each_constraint(terms))
     return rrb.Tabs(*views, active_tab=0)
+
+
+def _each_constraint(terms: Sequence[str]) -> rrb.Container:
+    """A small map for each constraint, without what would hide it."""
+    near = rrb.EyeControls3D(position=(0, -0.01, TERM_EYE_HEIGHT_M), look_target=(0, 0, 0), eye_up=(0, 1, 0))
+    around = ["/world/road", "/world/poles", "/world/truth/pose", "/world/estimate/pose"]
+    maps = [_map(_term_title(name), [*around, f"/world/surface/terms/{name}/**"], near) for name in terms]
+    return rrb.Grid(*maps, grid_columns=3 if len(maps) <= 6 else 4, name="Each constraint")
+
+
+def _term_title(name: str) -> str:
+    """``range_2``: "Range 2"."""
+    return "GPS" if name == "gps" else name.replace("_", " ").capitalize()
 
 
 def _map(

@@ -33,6 +33,7 @@ from scpf.replay.results import Results
 from scpf.replay.segmenters import RECORDED, build, reads_pixels
 from scpf.replay.settings import Settings
 from scpf.replay.step import Step
+from scpf.replay.surface_terms import term_names
 
 Images = Literal["embed", "separate", "none"]
 
@@ -146,6 +147,7 @@ def replay(
                 settings={"configuration": json.dumps(configuration)},
                 images=images == "embed",
                 identity=shared.identity if shared else "",
+                terms=term_names(settings) if settings.surface.terms else (),
             )
         )
         results = files.enter_context(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
@@ -27,6 +28,7 @@ from scpf.replay.settings import Settings
 from scpf.replay.soft_constraints import soft_constraints
 from scpf.replay.step import Errors, Frame, Step
 from scpf.replay.surface import constraint_surface
+from scpf.replay.surface_terms import surface_terms
 
 Array = NDArray[np.float64]
 Segment = Callable[[Frame], Sequence[Instance]]
@@ -143,6 +145,8 @@ class Pipeline:
             baseline = self._baseline.update([], fix)
         with _timed(timing, "surface"):
             surface = constraint_surface(constraints, belief.mean, self.settings.surface)
+            if self.settings.surface.terms:
+                surface = replace(surface, terms=surface_terms(constraints, fix, belief.mean, surface))
         self._belief, self._just_started = belief, False
         truths = self._truths(observations, frame)
         return Step(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -22,6 +22,7 @@ from scpf.replay.recording_camera import log_image, log_instances
 from scpf.replay.recording_rows import RowBatches
 from scpf.replay.recording_stream import FLUSH_EVERY, new_stream
 from scpf.replay.recording_style import TRUE_DISTANCE, log_map, log_style, log_surface_style, timing_style
+from scpf.replay.recording_terms import TermGrids
 from scpf.replay.step import Frame, Step, Surface
 
 Array = NDArray[np.float64]
@@ -52,10 +53,12 @@ class Recording:
         settings: Mapping[str, str],
         images: bool = True,
         identity: str = "",
+        terms: Sequence[str] = (),
     ) -> None:
         """``images`` False leaves the pictures out; masks, outlines and labels stay.
 
         ``identity`` is the recording id, for a recording that the viewer shows together with a file of pictures.
+        ``terms`` are the constraints that have a view of their own.
         """
         self.path = path
         self.partial_path = path.with_suffix(".partial.rrd")  # the viewer opens nothing else
@@ -75,9 +78,10 @@ class Recording:
         own = str(uuid.uuid5(NAMESPACE, repr((name, sorted(settings.items())))))
         self._rec = new_stream(identity or own)
         self._rows = RowBatches(self._rec)
+        self._terms = TermGrids(self._rec, self._rows)
         size = (camera.width_px, camera.height_px) if camera else None
         try:
-            self._rec.save(self.partial_path, default_blueprint=layout(size, _extent(road_map)))
+            self._rec.save(self.partial_path, default_blueprint=layout(size, _extent(road_map), terms))
         except RuntimeError as error:
             raise InputError(f"{self.partial_path} cannot be written ({error})") from error
         self._rec.send_recording_name(name)
@@ -220,6 +224,7 @@ class Recording:
             self._rows.add(f"world/surface/{name}", rr.GridMap.columns, data=[data], translation=[corner])
             at = shapes.cell_centre(surface, best)
             self._rows.add(f"world/surface/{name}/{marker}", rr.Points3D.columns, positions=at)
+        self._terms.log(surface)
         self._scalar("surface/peak", peak)
         self._scalar("surface/minimum", lowest)
 

@@ -37,6 +37,7 @@ def replay(
     duration: float | None = None,
     loop: int = 1,
     images: Literal["embed", "separate", "none"] = "embed",
+    surface_terms: bool | None = None,
     timing: bool = False,
     overwrite: bool = False,
     quiet: Annotated[bool, Parameter(alias="-q")] = False,
@@ -116,6 +117,9 @@ def replay(
         `embed` puts the log's own image bytes into the recording. `separate` puts them into LOG.images.rrd beside it,
         once for all runs of that log and stretch in the folder; `scpf view` opens both. `none` leaves them out. Without
         them the sample drive's recording has a fifth of the size.
+    surface_terms
+        Also record what each constraint by itself says of every place around the vehicle: road, speed, GPS, the range
+        and the bearing of each landmark. The map has a tab for them. From 25 kB more a frame.
     timing
         Also record what each stage took; two runs then differ. The summary has the times in any case.
     overwrite
@@ -148,6 +152,7 @@ def replay(
         "device": device,
         "distance_model": distance_model,
         "seed": seed,
+        "surface": replace(settings.surface, **options.given(terms=surface_terms)),
         "gps": replace(settings.gps, **options.given(source=gps, sigma_m=gps_sigma, outages_s=outages_s)),
     }
     settings = replace(settings, **options.given(**typed))

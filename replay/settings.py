@@ -75,10 +75,14 @@ class KalmanSettings:
 
 @dataclass(frozen=True)
 class SurfaceSettings:
-    """The grid on which the constraint surface is recorded, centred on the estimate."""
+    """The grid on which the constraint surface is recorded, centred on the estimate.
+
+    ``terms``: each constraint by itself as well.
+    """
 
     cells: int = 81
     cell_m: float = 0.5
+    terms: bool = False
 
 
 @dataclass(frozen=True)

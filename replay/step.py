@@ -40,17 +40,27 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
+class SurfaceTerm:
+    """One constraint over the grid of a surface: log Pr(γ ≥ C) (R, C), and what the ``label`` beside it says."""
+
+    label: str
+    log_probability: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Surface:
     """Constraint values over a grid of positions at the estimated velocity.
 
     ``violation`` (R, C): the paper's Σ max(C, 0); ``log_probability`` (R, C): Σ log Pr. Row 0 is the southernmost,
-    column 0 the westernmost; ``corner_m`` (2,) is the centre of cell (0, 0), in map; ``cell_m`` its side.
+    column 0 the westernmost; ``corner_m`` (2,) is the centre of cell (0, 0), in map; ``cell_m`` its side. ``terms``:
+    each constraint by itself, where that was asked for.
     """
 
     corner_m: Array
     cell_m: float
     violation: Array
     log_probability: Array
+    terms: Mapping[str, SurfaceTerm] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
