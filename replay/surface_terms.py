@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -79,15 +79,14 @@ def _of_landmarks(constraints: Sequence[Constraint]) -> Iterator[tuple[str, str,
     for bearing in constraints:
         if isinstance(bearing, RoadBearingConstraint) and bearing.landmark_id in numbers:
             yield f"bearing_{numbers[bearing.landmark_id]}", bearing.landmark_id, bearing
-    for matched in constraints:
-        if isinstance(matched, MatchedLandmarks):
-            yield from _of_matched(matched)
+    yield from _of_matched([one for one in constraints if isinstance(one, MatchedLandmarks)])
 
 
-def _of_matched(matched: MatchedLandmarks) -> Iterator[tuple[str, str, Constraint]]:
-    for number, seen in enumerate(sorted(matched.sightings, key=lambda one: one.distance_m), 1):
-        parts: Mapping[str, str] = {"range": "bearing_deviation_rad", "bearing": "distance_deviation_m"}
-        for part, left_out in parts.items():
-            alone = replace(seen, **{left_out: SAYS_NOTHING})
-            label = f"{seen.distance_m:.1f} m"
+def _of_matched(classes: Sequence[MatchedLandmarks]) -> Iterator[tuple[str, str, Constraint]]:
+    """Range and bearing of every detection, each by itself; of each class of landmarks there is one constraint."""
+    seen = [(sighting, matched) for matched in classes for sighting in matched.sightings]
+    for number, (sighting, matched) in enumerate(sorted(seen, key=lambda pair: pair[0].distance_m), 1):
+        for part, left_out in (("range", "bearing_deviation_rad"), ("bearing", "distance_deviation_m")):
+            alone = replace(sighting, **{left_out: SAYS_NOTHING})
+            label = f"{sighting.distance_m:.1f} m"
             yield f"{part}_{number}", label, replace(matched, sightings=[alone])

@@ -73,12 +73,15 @@ def test_every_term_is_its_constraints_own_and_together_they_are_the_surface() -
 def test_of_a_match_of_its_own_range_and_bearing_stand_alone() -> None:
     mark = np.array([40.0, 9.0])
     seen, further = Sighting(12.0, 0.8, 0.3, 0.05), Sighting(25.0, 1.0, -0.2, 0.05)
-    matched = MatchedLandmarks(mark[None], [further, seen], floor=0.001, exponent=0.5)
+    poles = MatchedLandmarks(mark[None], [further, seen], floor=0.001, exponent=0.5)
+    signs = MatchedLandmarks(mark[None] + 5.0, [Sighting(18.0, 1.0, 0.1, 0.05)])
+    constraints: list[Constraint] = [HeadingConstraint(0.1), poles, signs]
     mean = np.array([30.0, 5.0, 12.5, 3.0, 0.2, 0.0])
-    surface = constraint_surface([matched, HeadingConstraint(0.1)], mean, SurfaceSettings(CELLS, 0.5))
-    terms = surface_terms([matched, HeadingConstraint(0.1)], None, mean, surface)
-    assert list(terms) == ["heading", "range_1", "bearing_1", "range_2", "bearing_2"]
-    assert terms["range_1"].label == "12.0 m"
+    surface = constraint_surface(constraints, mean, SurfaceSettings(CELLS, 0.5))
+    terms = surface_terms(constraints, None, mean, surface)
+    numbered = [f"{part}_{k}" for k in (1, 2, 3) for part in ("range", "bearing")]
+    assert list(terms) == ["heading", *numbered]
+    assert [terms[f"bearing_{k}"].label for k in (1, 2, 3)] == ["12.0 m", "18.0 m", "25.0 m"]
     row, column = 4, 17
     to = mark - surface.corner_m - surface.cell_m * np.array([column, row])
     for name, off, deviation in (
