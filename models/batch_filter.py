@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.compiled import Array32
-from scpf.models.filter_kernels import fill_normals, normalise, resample, summarise
+from scpf.models.filter_kernels import conclude, fill_normals
 
 Array = NDArray[np.float64]
 INITIAL_STEP = 0xABCD1234
@@ -63,8 +63,7 @@ class BatchFilter:
         self._normals = np.empty((4, runs, particles), np.float32)
         self._log_weights = np.zeros((runs, particles), np.float32)
         self._weights = np.zeros((runs, particles), np.float32)
-        self._chosen = np.zeros(particles, np.int64)
-        self._log_sum = np.zeros(runs)
+        self._chosen = np.zeros(particles + 1, np.int64)
         self.states: Array32 = np.zeros((0, runs, particles), np.float32)
         self._spare = self.states
         self._step = 0
@@ -89,16 +88,13 @@ class BatchFilter:
 
     def update(self, terms: Sequence[Term]) -> BatchBelief:
         """Weigh the particles by the terms, summarise, resample."""
-        size, runs, n = self.states.shape
+        size, runs, _ = self.states.shape
         for term in terms:
             term.add_to(self._log_weights, self.states)
-        peak = np.empty(runs)
-        normalise(self._log_weights, self._weights, peak, self._log_sum)
-        mean, covariance, ess = np.empty((runs, size)), np.empty((runs, 3)), np.empty(runs)
-        summarise(self.states, self._weights, mean, covariance, ess)
-        if self.resample_below >= 1.0 or bool((ess < self.resample_below * n).any()):
-            # Lock-step: where one run needs it all are resampled, which changes no distribution.
-            resample(self.states, self._spare, self._weights, self._chosen, self._keys, np.uint32(self._step))
+        mean, covariance = np.empty((runs, size)), np.empty((runs, 3))
+        ess, peak = np.empty(runs), np.empty(runs)
+        random = (self._chosen, self._keys, np.uint32(self._step))
+        arrays = (self._log_weights, self._weights, self.states, self._spare)
+        if conclude(*arrays, *random, self.resample_below, mean, covariance, ess, peak):
             self.states, self._spare = self._spare, self.states
-            self._log_weights[:] = 0.0
         return BatchBelief(mean, covariance, ess, peak)

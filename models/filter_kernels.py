@@ -99,8 +99,8 @@ def move_constant_turn_rate(
 
 
 @kernel
-def normalise(log_weights: Array32, weights: Array32, peak: Any, log_sum: Any) -> None:
-    """Weights (R, N) of unit sum; ``peak`` and ``log_sum`` (R,): largest log-weight and log Σ e^log-weight."""
+def normalise(log_weights: Array32, weights: Array32, peak: Any) -> None:
+    """Weights (R, N) of unit sum; ``peak`` (R,): the largest log-weight."""
     for r in range(log_weights.shape[0]):
         lw, w = log_weights[r], weights[r]
         top = f4(-3.0e38)
@@ -114,7 +114,6 @@ def normalise(log_weights: Array32, weights: Array32, peak: Any, log_sum: Any) -
         for i in range(lw.size):
             w[i] *= inverse
         peak[r] = top
-        log_sum[r] = top + np.log(total)
 
 
 @kernel
@@ -148,22 +147,55 @@ def summarise(states: Array32, weights: Array32, mean: Any, covariance: Any, ess
 
 @kernel
 def resample(states: Array32, target: Array32, weights: Array32, chosen: Any, keys: Any, step: Any) -> None:
-    """Systematic resampling of every run from ``states`` into ``target`` (D, R, N); ``chosen`` (N,) is scratch."""
+    """Systematic resampling of every run from ``states`` into ``target`` (D, R, N); ``chosen`` (N + 1,) is scratch."""
     size, runs, n = states.shape
     for r in range(runs):
         w = weights[r]
         offset = (hashed(u4(hashed(u4(keys[r] + u4(77))) ^ hashed(u4(step)))) >> u4(8)) * 5.9604645e-08
-        total, out = 0.0, 0
+        # Each particle's number is put where its copies begin, over those that have none, and spreads from there:
+        # no branch whose way depends on the weights.
+        chosen[:] = 0
+        total, begin = 0.0, 0
         for j in range(n):
+            chosen[begin] = j
             total += w[j] * n
-            end = min(int(total - offset) + 1, n) if total > offset else 0
-            while out < end:
-                chosen[out] = j
-                out += 1
-        while out < n:
-            chosen[out] = n - 1
-            out += 1
+            begin = min(int(total + (1.0 - offset)), n)
+        last = 0
+        for i in range(n):
+            last = max(last, chosen[i])
+            chosen[i] = last
         for d in range(size):
             source, sink = states[d, r], target[d, r]
             for i in range(n):
                 sink[i] = source[chosen[i]]
+
+
+@kernel
+def conclude(
+    log_weights: Array32,
+    weights: Array32,
+    states: Array32,
+    target: Array32,
+    chosen: Any,
+    keys: Any,
+    step: Any,
+    below: Any,
+    mean: Any,
+    covariance: Any,
+    ess: Any,
+    peak: Any,
+) -> bool:
+    """``normalise``, ``summarise`` and, where a run's ESS/N is not above ``below``, ``resample``; whether it did.
+
+    One call, since each costs as much as a constraint of 500 particles. Log-weights are 0 after a resampling.
+    """
+    normalise(log_weights, weights, peak)
+    summarise(states, weights, mean, covariance, ess)
+    wanted = below >= 1.0
+    for r in range(ess.size):
+        wanted = wanted or ess[r] < below * states.shape[2]
+    if wanted:
+        # In lock-step: where one run needs it all are resampled, which changes no distribution.
+        resample(states, target, weights, chosen, keys, step)
+        log_weights[:] = f4(0.0)
+    return bool(wanted)
