@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from scpf.models.errors import UsageError
-from scpf.replay.engine import Outputs
 from scpf.replay.frames import Window
+from scpf.replay.outputs import Outputs
 from scpf.replay.settings import Settings
 
 

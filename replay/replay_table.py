@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scpf.replay.engine import Outputs
+from scpf.replay.outputs import Outputs
 
 
 def table(summary: dict[str, Any], outputs: Outputs) -> str:
