@@ -14,25 +14,22 @@ from numpy.typing import NDArray
 
 from scpf.models.camera import Camera
 from scpf.models.errors import InputError
-from scpf.models.particle_filter import Belief
 from scpf.models.road_map import RoadMap
 from scpf.replay import overlays, shapes
 from scpf.replay.blueprint import MAP_ASPECT, Extent, layout
 from scpf.replay.recording_camera import log_image, log_instances
+from scpf.replay.recording_distances import DistanceRows
+from scpf.replay.recording_poses import PoseRows
 from scpf.replay.recording_rows import RowBatches
 from scpf.replay.recording_stream import FLUSH_EVERY, new_stream
-from scpf.replay.recording_style import TRUE_DISTANCE, log_map, log_style, log_surface_style, timing_style
+from scpf.replay.recording_style import log_map, log_style, log_surface_style, timing_style
 from scpf.replay.recording_terms import TermGrids
-from scpf.replay.step import Frame, Step, Surface
+from scpf.replay.step import Step, Surface
 
 Array = NDArray[np.float64]
 
-ABOVE_PARTICLES_M: Final = 0.3
-SLOWEST_MPS: Final = 0.3
 NAMESPACE: Final = uuid.UUID("6f6f1d0c-5f0b-4a3e-9d35-0e6f6b1c7a10")
 
-PARTICLE_LIGHT: Final = np.array([140, 40, 50])
-PARTICLE_HEAVY: Final = np.array([255, 85, 75])
 LEVELS: Final = {"WARNING": "WARN", "FATAL": "CRITICAL"}
 
 
@@ -64,20 +61,16 @@ class Recording:
         self.partial_path = path.with_suffix(".partial.rrd")  # the viewer opens nothing else
         self._camera = camera
         self._images = images
-        self._landmarks = (
-            {mark.id: np.array(mark.position_m[:2]) for mark in road_map.landmarks} if road_map else {}
-        )
         self._classes = overlays.LandmarkClasses(road_map)
         self._grid: tuple[int, int, float] | None = None
         self._state = ""
-        self._distances: set[str] = set()
-        self._named: set[str] = set()
-        self._before: dict[str, Array] = {}
         self._unflushed = 0
         # The same run twice is the same recording; two different runs can be opened side by side.
         own = str(uuid.uuid5(NAMESPACE, repr((name, sorted(settings.items())))))
         self._rec = new_stream(identity or own)
         self._rows = RowBatches(self._rec)
+        self._poses = PoseRows(self._rows, camera)
+        self._distances = DistanceRows(self._rows, road_map, self._classes)
         self._terms = TermGrids(self._rec, self._rows)
         size = (camera.width_px, camera.height_px) if camera else None
         try:
@@ -114,13 +107,8 @@ class Recording:
             log_image(self._rec, step.frame.encoded, step.frame.image_format)
         height_px = self._camera.height_px if self._camera else None
         log_instances(self._rec, self._rows, step, self._classes, height_px)
-        self._log_reference(step.frame, step.belief)
-        if step.belief is not None:
-            self._log_belief("world/estimate", step.belief)
-            self._log_particles(step.belief)
-        if step.baseline is not None:
-            self._log_belief("world/baseline", step.baseline)
-        self._log_distances(step)
+        self._poses.log(step)
+        self._distances.log(step)
         if step.surface is not None:
             self._log_surface(step.surface)
         self._log_numbers(step)
@@ -129,83 +117,6 @@ class Recording:
             self._rows.send()
             self._rec.flush()
             self._unflushed = 0
-
-    def _log_reference(self, frame: Frame, belief: Belief | None) -> None:
-        pose = frame.T_map_body
-        ahead: Array | None
-        if frame.gps_m is not None:
-            self._rows.add("world/gps", rr.Points3D.columns, positions=shapes.on_ground(frame.gps_m[None]))
-        if pose is not None:
-            here, ahead = pose[:2, 3], pose[:2, 0]
-            self._arrow("world/truth", here, ahead)
-        elif belief is not None:
-            here, ahead = belief.mean[:2], _direction(belief)
-        else:
-            return
-        self._rows.add("world/ego", rr.Transform3D.columns, translation=[(*here, 0.0)])
-        if self._camera is not None and ahead is not None:
-            wedge = shapes.view_wedge(self._camera, here, ahead)
-            self._rows.add("world/view", rr.LineStrips3D.columns, strips=[wedge])
-
-    def _log_belief(self, entity: str, belief: Belief) -> None:
-        self._arrow(entity, belief.mean[:2], _direction(belief))
-        ellipse = shapes.ellipse(belief.mean, belief.covariance)
-        self._rows.add(f"{entity}/sigma2", rr.LineStrips3D.columns, strips=[ellipse])
-
-    def _arrow(self, entity: str, position: Array, heading: Array | None, length_m: float = 5.0) -> None:
-        """A pose as an arrow, and one piece of its trail."""
-        vector = np.zeros(2) if heading is None else heading * length_m
-        self._rows.add(
-            f"{entity}/pose",
-            rr.Arrows3D.columns,
-            origins=shapes.on_ground(position[None], ABOVE_PARTICLES_M),
-            vectors=shapes.on_ground(vector[None]),
-        )
-        before = self._before.get(entity, position)
-        self._before[entity] = position
-        piece = shapes.on_ground(np.array([before, position]))
-        self._rows.add(f"{entity}/trail", rr.LineStrips3D.columns, strips=[piece])
-
-    def _log_particles(self, belief: Belief) -> None:
-        weights = belief.weights.astype(np.float32)
-        share = (weights / max(float(weights.max()), 1e-30))[:, None]
-        colours = (PARTICLE_LIGHT + share * (PARTICLE_HEAVY - PARTICLE_LIGHT)).astype(np.uint8)
-        positions = shapes.on_ground(belief.states[:, :2])
-        self._rows.add("world/particles", rr.Points3D.columns, positions=positions, colors=colours)
-        self._rows.add("world/particles", rr.AnyValues.columns, weight=weights)
-
-    def _log_distances(self, step: Step) -> None:
-        rings, ids, seen = [], [], set[str]()
-        for observation, match, truth in zip(
-            step.observations, step.matches, step.true_distances_m, strict=True
-        ):
-            name, distance = match.landmark_id, observation.distance
-            if not name or name in seen:
-                continue
-            seen.add(name)
-            part = rr.escape_entity_path_part(name)
-            entity = f"gpr/{part}"
-            colour = self._classes.colour_of(name)
-            self._name_once(f"{entity}/true", TRUE_DISTANCE)
-            self._name_once(entity, rr.Measurements.from_fields(names=[name], colors=[colour]))
-            spread = [distance.variance_m2]
-            columns = rr.Measurements.columns
-            self._rows.add(entity, columns, values=[distance.mean_m], variances=spread)
-            if truth is not None:
-                self._scalar(f"{entity}/true", truth)
-                self._name_once(
-                    f"distance_error/{part}", rr.Measurements.from_fields(names=[name], colors=[colour])
-                )
-                off = [distance.mean_m - truth]
-                self._rows.add(f"distance_error/{part}", columns, values=off, variances=spread)
-            if name in self._landmarks:
-                rings.append(shapes.ring(self._landmarks[name], distance.mean_m))
-                ids.append(self._classes.class_of(name))
-        for name in sorted(self._distances - seen):  # a gap, not a line to the next time that it is seen
-            for group in ("gpr", "distance_error"):
-                self._scalar(f"{group}/{rr.escape_entity_path_part(name)}", None)
-        self._distances = seen
-        self._rows.add("world/rings", rr.LineStrips3D.columns, strips=rings, class_ids=ids)
 
     def _log_surface(self, surface: Surface) -> None:
         rows, columns = surface.violation.shape
@@ -225,47 +136,27 @@ class Recording:
             at = shapes.cell_centre(surface, best)
             self._rows.add(f"world/surface/{name}/{marker}", rr.Points3D.columns, positions=at)
         self._terms.log(surface)
-        self._scalar("surface/peak", peak)
-        self._scalar("surface/minimum", lowest)
+        self._rows.number("surface/peak", peak)
+        self._rows.number("surface/minimum", lowest)
 
     def _log_numbers(self, step: Step) -> None:
         errors, baseline = step.errors, step.baseline_errors
-        self._scalar("error/position/scpf", errors.position_m if errors else None)
-        self._scalar("error/position/pf", baseline.position_m if baseline else None)
-        self._scalar("error/heading_frame/longitudinal", errors.longitudinal_m if errors else None)
-        self._scalar("error/heading_frame/lateral", errors.lateral_m if errors else None)
+        self._rows.number("error/position/scpf", errors.position_m if errors else None)
+        self._rows.number("error/position/pf", baseline.position_m if baseline else None)
+        self._rows.number("error/heading_frame/longitudinal", errors.longitudinal_m if errors else None)
+        self._rows.number("error/heading_frame/lateral", errors.lateral_m if errors else None)
         if step.belief is not None:
-            self._scalar("filter/ess", step.belief.ess)
-            self._scalar("filter/log_evidence", step.belief.log_evidence)
+            self._rows.number("filter/ess", step.belief.ess)
+            self._rows.number("filter/log_evidence", step.belief.log_evidence)
         if step.state != self._state:
             self._state = step.state
             self._rec.log("filter/state", rr.StateChange(state=self._state))
         for place, (stage, seconds) in enumerate(step.timing_s.items()):
             entity = f"timing/{rr.escape_entity_path_part(stage)}"
-            self._name_once(entity, timing_style(stage, place))
-            self._scalar(entity, seconds * 1e3)
+            self._rows.style_once(entity, timing_style(stage, place))
+            self._rows.number(entity, seconds * 1e3)
         for level, text in step.notes:
             self._rec.log("log", rr.TextLog(text, level=LEVELS.get(level.upper(), level.upper())))
-
-    def _name_once(self, entity: str, style: rr.AsComponents) -> None:
-        """Name and colour of a line that is known only when its first value comes."""
-        if entity not in self._named:
-            self._named.add(entity)
-            self._rec.log(entity, style, static=True)
-
-    def _scalar(self, entity: str, value: float | None) -> None:
-        """A number; a gap in its line where there is none."""
-        if value is None or not np.isfinite(value):
-            self._rec.log(entity, rr.Clear(recursive=False))
-        else:
-            self._rows.add(entity, rr.Scalars.columns, scalars=[value])
-
-
-def _direction(belief: Belief) -> Array | None:
-    """Unit vector (2,) along the estimated velocity; None at rest, where it says nothing."""
-    velocity = belief.mean[2:4]
-    speed = float(np.hypot(*velocity)) if len(velocity) == 2 else 0.0
-    return velocity / speed if speed > SLOWEST_MPS else None
 
 
 def _extent(road_map: RoadMap | None) -> Extent | None:

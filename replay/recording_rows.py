@@ -24,6 +24,7 @@ class RowBatches:
     def __init__(self, rec: rr.RecordingStream) -> None:
         self._rec = rec
         self._batches: dict[tuple[str, Columns], _Batch] = {}
+        self._styled: set[str] = set()
         self._frame, self._stamp_ns = 0, 0
 
     def at(self, frame: int, stamp_ns: int) -> None:
@@ -41,6 +42,19 @@ class RowBatches:
         batch.lengths.append(len(next(iter(values.values()))))
         for name, instances in values.items():
             batch.values[name].append(instances)
+
+    def number(self, entity: str, value: float | None) -> None:
+        """One point of a line; a gap in it where there is none."""
+        if value is None or not np.isfinite(value):
+            self._rec.log(entity, rr.Clear(recursive=False))
+        else:
+            self.add(entity, rr.Scalars.columns, scalars=[value])
+
+    def style_once(self, entity: str, style: rr.AsComponents) -> None:
+        """Name and colour of a line that is known only when its first value comes."""
+        if entity not in self._styled:
+            self._styled.add(entity)
+            self._rec.log(entity, style, static=True)
 
     def send(self) -> None:
         """Send all that was collected."""
