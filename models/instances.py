@@ -73,3 +73,15 @@ def instance_from_mask(full: BoolMask, score: float = 1.0, landmark_id: str = ""
         (float(x1), float(y1), float(x2), float(y2)), full[y1:y2, x1:x2].copy(), (x1, y1), score,
         landmark_id=landmark_id,
     )  # fmt: skip
+
+
+def foot_px(instance: Instance) -> tuple[float, float]:
+    """The pixel (x, y) where the pole stands: the middle of the mask's lowest tenth of rows.
+
+    Lower than an arm or a lamp can reach, and, for an upright pole, at the bearing of its axis.
+    """
+    rows = max(1, instance.mask.shape[0] // 10)
+    low = instance.mask[-rows:]
+    columns = np.flatnonzero(low.any(0))
+    x = 0.5 * (columns[0] + columns[-1]) if len(columns) else (instance.mask.shape[1] - 1) / 2
+    return instance.offset_px[0] + float(x), instance.offset_px[1] + instance.mask.shape[0] - 1.0

@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from scpf.models.association import Match
 from scpf.models.camera import Camera
 from scpf.models.constraints import Constraint
-from scpf.models.instances import Instance
+from scpf.models.instances import Instance, foot_px
 from scpf.models.labelling import Label, label
 from scpf.models.motion import ConstantTurnRate, ConstantVelocity, turn_rate_state
 from scpf.models.observation import Distance, Observation
 from scpf.models.particle_filter import Belief, ParticleFilter, PositionFix
 from scpf.models.road_map import RoadMap
-from scpf.models.trajectory import yaw_of
 from scpf.replay.kalman_tracker import KalmanTracker
 from scpf.replay.lasting_tracker import LastingTracker
 from scpf.replay.settings import Settings
@@ -159,8 +158,8 @@ class Pipeline:
             belief=belief,
             baseline=baseline,
             surface=surface,
-            errors=_errors(belief, frame),
-            baseline_errors=_errors(baseline, frame),
+            errors=Errors.of(belief, frame),
+            baseline_errors=Errors.of(baseline, frame),
             timing_s=timing,
         )
 
@@ -226,29 +225,6 @@ class Pipeline:
         if frame.T_map_body is None or self._camera is None or not self._map.landmarks:
             return [Label("", None, "no reference")] * len(observations)
         return label([o.instance for o in observations], self._camera, frame.T_map_body, self._map)
-
-
-def foot_px(instance: Instance) -> tuple[float, float]:
-    """The pixel (x, y) where the pole stands: the middle of the mask's lowest tenth of rows.
-
-    Lower than an arm or a lamp can reach, and, for an upright pole, at the bearing of its axis.
-    """
-    rows = max(1, instance.mask.shape[0] // 10)
-    low = instance.mask[-rows:]
-    columns = np.flatnonzero(low.any(0))
-    x = 0.5 * (columns[0] + columns[-1]) if len(columns) else (instance.mask.shape[1] - 1) / 2
-    return instance.offset_px[0] + float(x), instance.offset_px[1] + instance.mask.shape[0] - 1.0
-
-
-def _errors(belief: Belief, frame: Frame) -> Errors | None:
-    """Position error of a belief's mean against the frame's reference pose."""
-    if frame.T_map_body is None:
-        return None
-    off = belief.mean[:2] - frame.T_map_body[:2, 3]
-    yaw = yaw_of(frame.T_map_body)
-    ahead = np.array([np.cos(yaw), np.sin(yaw)])
-    left = np.array([-ahead[1], ahead[0]])
-    return Errors(float(np.hypot(*off)), float(off @ ahead), float(off @ left))
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from scpf.models.association import Match
 from scpf.models.instances import Image, Instance
 from scpf.models.observation import Observation
 from scpf.models.particle_filter import Belief, State
+from scpf.models.trajectory import yaw_of
 
 Array = NDArray[np.float64]
 
@@ -70,6 +71,17 @@ class Errors:
     position_m: float
     longitudinal_m: float
     lateral_m: float
+
+    @staticmethod
+    def of(belief: Belief, frame: Frame) -> Errors | None:
+        """Those of a belief's mean; None where the frame has no reference pose."""
+        if frame.T_map_body is None:
+            return None
+        off = belief.mean[:2] - frame.T_map_body[:2, 3]
+        yaw = yaw_of(frame.T_map_body)
+        ahead = np.array([np.cos(yaw), np.sin(yaw)])
+        left = np.array([-ahead[1], ahead[0]])
+        return Errors(float(np.hypot(*off)), float(off @ ahead), float(off @ left))
 
 
 @dataclass(frozen=True, eq=False)

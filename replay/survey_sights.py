@@ -15,13 +15,12 @@ from scpf.ingest.drive_log import DriveLog
 from scpf.models.camera import Camera
 from scpf.models.distance_file import Distances
 from scpf.models.errors import InputError, MissingError
-from scpf.models.instances import Instance
+from scpf.models.instances import Instance, foot_px
 from scpf.models.road_map import RoadMap
 from scpf.models.survey_fit import Sights
 from scpf.models.trajectory import Trajectory
 from scpf.replay import distance_models
 from scpf.replay.distance_training import segmented
-from scpf.replay.pipeline import foot_px
 
 Array = NDArray[np.float64]
 Row = tuple[int, float, float, float, float, float, float, float, str]

@@ -10,10 +10,10 @@ import pytest
 
 from scpf.models.camera import Camera, looking_ahead
 from scpf.models.constraints import LandmarkConstraint, SpeedConstraint, total_violation
-from scpf.models.instances import Instance, instance_from_mask
+from scpf.models.instances import Instance, foot_px, instance_from_mask
 from scpf.models.observation import Distance
 from scpf.models.road_map import Landmark, RoadMap
-from scpf.replay.pipeline import Pipeline, foot_px
+from scpf.replay.pipeline import Pipeline
 from scpf.replay.settings import PRESETS, ConstraintSettings, Settings, SurfaceSettings
 from scpf.replay.step import Frame, Step
 
