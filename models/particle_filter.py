@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from scpf.models.constraints import Constraint, log_probability
 from scpf.models.motion import MotionModel
+from scpf.models.pose_fix import PoseFix
 
 Array = NDArray[np.float64]
 State = Literal["initialising", "tracking", "unconstrained", "lost"]
@@ -103,7 +104,7 @@ class ParticleFilter:
         predicted: Array = np.exp(self._log_weights) @ self._states
         return predicted
 
-    def update(self, constraints: Sequence[Constraint], fix: PositionFix | None = None) -> Belief:
+    def update(self, constraints: Sequence[Constraint], fix: PositionFix | PoseFix | None = None) -> Belief:
         """Weight the particles by the fix and the constraints, summarise, resample."""
         log_likelihood = log_probability(constraints, self._states)
         if fix is not None:
@@ -122,7 +123,7 @@ class ParticleFilter:
             self._recover(fix)
         return belief
 
-    def _recover(self, fix: PositionFix | None) -> None:
+    def _recover(self, fix: PositionFix | PoseFix | None) -> None:
         """Spread the particles, so that some come near the truth again; one outlier alone must not do this.
 
         The next steps' weights decide: the belief that was lost keeps its state, the following say what came of it.
