@@ -13,14 +13,13 @@ from typing import Any, Literal
 from threadpoolctl import threadpool_limits
 
 from scpf.ingest.drive_log import DriveLog
-from scpf.ingest.topics import IMAGE_TOPIC
 from scpf.models.errors import InputError
 from scpf.models.road_map import to_geojson
 from scpf.replay.about import about
 from scpf.replay.ahead import Ahead
 from scpf.replay.controls import Controls
 from scpf.replay.drive import Drive, configuration
-from scpf.replay.frames import Window, first_state, read_frames
+from scpf.replay.frames import Window, expected_frames, first_state, read_frames
 from scpf.replay.outputs import Outputs
 from scpf.replay.pace import FULL_SPEED, Pace, PaceSettings
 from scpf.replay.pipeline import Pipeline, Segment
@@ -50,11 +49,11 @@ def replay(
 ) -> dict[str, Any]:
     """Replay one drive log; returns the summary that ``outputs.summary`` holds.
 
-    ``on_step(step, done, total)`` is called after every frame; ``total`` counts the log's images. The recording
+    ``on_step(step, done, total)`` is called after every frame; ``total`` is about how many there will be. The recording
     is a function of log, settings and version alone, unless ``record_timing`` adds what each stage took. ``images``
     says where the pictures go: into it, into a file beside it that other runs of the log share, or nowhere. At a live
-    ``pace`` that drops frames, the recording depends on the machine too.
-    ``controls`` may pause it, and end it before the last frame.
+    ``pace`` that drops frames, the recording depends on the machine too. ``controls`` may pause it, and end it before
+    the last frame.
     """
     # Matrices of a step are small: a second BLAS thread costs ten times what it saves.
     with threadpool_limits(1, "blas"), DriveLog(log_path) as log, ExitStack() as files:
@@ -95,7 +94,7 @@ def replay(
         geojson = None if drive.road_map is None else to_geojson(drive.road_map)
         results = files.enter_context(Results(outputs.results, configured, geojson))
 
-        total = log.channels[IMAGE_TOPIC].count if IMAGE_TOPIC in log.channels else 0
+        total = expected_frames(log, window)
         done, begun, first_ns = 0, 0.0, 0
         for frame in files.enter_context(closing(ahead.frames(clock.frames(frames)))):
             if not pipeline.started:
@@ -113,7 +112,7 @@ def replay(
                 begun, first_ns = time.perf_counter() - controls.waited_s, frame.stamp_ns
             on_step(step, done, total)
             if not controls.goes_on():
-                remarks.warn(f"ended by a key after {done} of {total} images")
+                remarks.warn(f"ended by a key after {done} of {total} frames")
                 break
             ahead.depth = clock.frames_ahead
         if not done:

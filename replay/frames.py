@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scpf.ingest.drive_log import DriveLog
 from scpf.ingest.log_messages import EncodedImage
+from scpf.ingest.topics import IMAGE_TOPIC
 from scpf.models.errors import InputError, MissingError
 from scpf.models.instances import Image
 from scpf.models.trajectory import Trajectory
@@ -84,6 +85,16 @@ class GpsEmulator:
         rng = np.random.default_rng([self._seed, 1, index])
         position: Array = T_map_body[:2, 3] + self._sigma_m * rng.standard_normal(2)
         return position
+
+
+def expected_frames(log: DriveLog, window: Window) -> int:
+    """How many frames a replay will have: exact for a whole log, from its duration for a stretch or a lower rate."""
+    images = log.count(IMAGE_TOPIC)
+    span_s = (log.end_ns - log.start_ns) * 1e-9
+    if span_s <= 0.0 or window == Window():
+        return images
+    within_s = max(0.0, min(window.stop_s, span_s) - max(window.start_s, 0.0))
+    return round(min(images * within_s / span_s, window.rate_hz * within_s))
 
 
 def pictures(log: DriveLog, window: Window) -> Iterator[tuple[int, float, EncodedImage]]:

@@ -11,7 +11,17 @@ from scpf.ingest import messages
 from scpf.ingest.drive_log import DriveLog, DriveLogWriter
 from scpf.ingest.topics import IMAGE_TOPIC
 from scpf.models.errors import InputError, MissingError
-from scpf.replay.frames import BACKWARDS, GAP, UNREADABLE, Window, decode, first_state, read_frames
+from scpf.replay.frames import (
+    BACKWARDS,
+    GAP,
+    UNREADABLE,
+    Window,
+    decode,
+    expected_frames,
+    first_state,
+    pictures,
+    read_frames,
+)
 from scpf.replay.settings import GpsSettings
 from scpf.replay.step import Frame
 
@@ -150,3 +160,10 @@ def test_an_outage_takes_the_fixes_and_nothing_else(drive: Path) -> None:
         else:
             np.testing.assert_array_equal(before.gps_m, after.gps_m)
     assert any(f.gps_m is None for f in cut)
+
+
+@pytest.mark.parametrize("window", [Window(), Window(0.1, 0.6), Window(start_s=0.3), Window(rate_hz=5.0)])
+def test_how_many_frames_are_expected_is_told_before_they_are_read(drive: Path, window: Window) -> None:
+    with DriveLog(drive) as log:
+        found = sum(1 for _ in pictures(log, window))
+        assert expected_frames(log, window) == pytest.approx(found, abs=2) and found > 2
