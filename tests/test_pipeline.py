@@ -112,6 +112,9 @@ def test_the_default_preset_has_a_heading_and_stands_errors_that_last() -> None:
     assert mean_error(drive(PRESETS["default"], gps=False)) < 0.5
     again = drive(PRESETS["default"], 8, lasting_m=1.0)
     np.testing.assert_array_equal(again[-1].belief.states, best[7].belief.states)
+    for road in (None, RoadMap((), ROAD.centre_line_m)):
+        bare = drive(PRESETS["default"], 5, road=road)
+        assert {s.belief.state for s in bare} == {"unconstrained"}
 
 
 def test_the_kalman_filter_takes_the_particles_place() -> None:
