@@ -66,7 +66,7 @@ class DistanceModel:
     inputs: tuple[tuple[str, ...], ...]
     trained_on: TrainedOn
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the experts."""
         return expert_names(len(self.experts))
@@ -89,32 +89,30 @@ class DistanceModel:
             return []
         measured = measure(instances, image_width_px, image_height_px, self.features)
         found = self.predict_features(self._scaled(measured, image_width_px, image_height_px))
-        names = self.names
+        names, known = self.names, self.trained_on.landmark_class
+        columns = (found.mean_m, found.variance_m2, found.function_variance_m2, found.expert, found.in_range)
+        rows = zip(*(each.tolist() for each in columns), strict=True)
         return [
             None
-            if measured.too_small[k] or instance.landmark_class != self.trained_on.landmark_class
-            else Distance(
-                float(found.mean_m[k]),
-                float(found.variance_m2[k]),
-                float(found.function_variance_m2[k]),
-                names[found.expert[k]],
-                bool(found.in_range[k]),
+            if small or instance.landmark_class != known
+            else Distance(mean, variance, function, names[expert], inside)
+            for instance, small, (mean, variance, function, expert, inside) in zip(
+                instances, measured.too_small.tolist(), rows, strict=True
             )
-            for k, instance in enumerate(instances)
         ]
 
     def predict_features(self, features: Features) -> Predictions:
         """Predictions for features that were measured in images of the training size."""
-        n = len(features)
-        mean, variance, function = np.full((3, n), np.nan)
-        found = Predictions(mean, variance, function, self.choose(features), np.zeros(n, dtype=np.bool_))
+        found = np.full((4, len(features)), np.nan)
+        found[3] = 0.0
+        experts = self.choose(features)
+        chosen = np.where(features.too_small, -1, experts)
         for k, (expert, names) in enumerate(zip(self.experts, self.inputs, strict=True)):
-            mine = np.flatnonzero((found.expert == k) & ~features.too_small)
+            mine = (chosen == k).nonzero()[0]
             if len(mine):
-                inputs = features.columns(names)[mine]
-                mean[mine], variance[mine], function[mine] = expert.predict(inputs)
-                found.in_range[mine] = expert.in_range(inputs)
-        return found
+                found[:, mine] = expert.answer(features.columns(names)[mine])
+        mean, variance, function, inside = found
+        return Predictions(mean, variance, function, experts, inside > 0.0)
 
     def choose(self, features: Features) -> Indices:
         """Index (N,) of the expert that answers for each row of features."""

@@ -22,23 +22,36 @@ def _kernel(function: F) -> F:
 
 @_kernel
 def posterior(
-    points: Array, centre: Array, units: Array, inputs: Array, factor: Array, weights: Array, signal_m2: float
+    points: Array,
+    centre: Array,
+    units: Array,
+    inputs: Array,
+    factor: Array,
+    weights: Array,
+    bounds: Array,
+    signal_m2: float,
+    noise_m2: float,
+    offset_m: float,
 ) -> Array:
-    """Mean less the offset (m), and variance of the function (m²), as rows (2, M), at points (M, D).
+    """At points (M, D), as rows (4, M): mean (m), predictive variance, variance of the function (m²), 1 in range or 0.
 
     ``centre``, ``units`` (D,) make points comparable with ``inputs`` (N, D), which are in units of the length
-    scales; ``factor`` (N, N), ``weights`` (N,): as in ``GaussianProcess``. Eqs. (1) and (2) of the paper, by
-    forward substitution.
+    scales; ``factor`` (N, N), ``weights`` (N,), ``offset_m``: as in ``GaussianProcess``; ``bounds`` (2, D): the range.
+    Eqs. (1) and (2) of the paper, by forward substitution.
     """
     total, n, d = points.shape[0], inputs.shape[0], inputs.shape[1]
-    found = np.empty((2, total))
+    found = np.empty((4, total))
     cross, point = np.zeros((3, n)), np.empty(d)
     for first in range(0, total, 3):
         together = min(3, total - first)
         for k in range(together):
+            inside = 1.0
             for j in range(d):
                 point[j] = (points[first + k, j] - centre[j]) / units[j]
-            mean = 0.0
+                if not bounds[0, j] <= points[first + k, j] <= bounds[1, j]:
+                    inside = 0.0
+            found[3, first + k] = inside
+            mean = offset_m
             for i in range(n):
                 squared = 0.0
                 for j in range(d):
@@ -49,7 +62,8 @@ def posterior(
             found[0, first + k] = mean
         explained = _explained(factor, cross[0], cross[1], cross[2])
         for k in range(together):  # rounding alone could make it negative at a training input
-            found[1, first + k] = max(signal_m2 - explained[k], 1e-9)
+            found[2, first + k] = max(signal_m2 - explained[k], 1e-9)
+            found[1, first + k] = found[2, first + k] + noise_m2
     return found
 
 

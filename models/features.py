@@ -113,10 +113,11 @@ def measure(
     names = tuple(names)
     check_names(names)
     boxes = np.array([each.box_px for each in instances], dtype=np.float64).reshape(-1, 4)
-    near, far = np.array([EDGE_PX, EDGE_PX]), np.array([image_width_px - EDGE_PX, image_height_px - EDGE_PX])
-    cut = np.concatenate([boxes[:, :2] <= near, boxes[:, 2:] >= far], axis=1)
+    cut = np.empty(boxes.shape, dtype=np.bool_)
+    cut[:, :2] = boxes[:, :2] <= EDGE_PX
+    cut[:, 2:] = boxes[:, 2:] >= (image_width_px - EDGE_PX, image_height_px - EDGE_PX)
     frame = Frame(boxes, cut, Masks(instances))
-    values = np.column_stack([FEATURES[name](frame) for name in names])
+    values = np.array([FEATURES[name](frame) for name in names]).T
     too_small: Flags = (boxes[:, 3] - boxes[:, 1] < MIN_HEIGHT_PX) | ~np.isfinite(values).all(axis=1)
     return Features(names, values, frame.any_cut, too_small)
 

@@ -65,30 +65,27 @@ class GaussianProcess:
         Mean: eq. (1). Function variance: eq. (2). The predictive variance adds σ_ε²: a label, and thus a
         measured distance, has the noise too.
         """
-        found = self.hyperparameters
-        points = np.ascontiguousarray(features, dtype=np.float64)
-        mean, function = posterior(
-            points, self.centre, self._units, self.inputs, self.factor, self.weights, found.signal_m2
-        )
-        return mean + self.offset_m, function + found.noise_m2, function
+        mean, variance, function, _ = self.answer(features)
+        return mean, variance, function
 
-    def in_range(self, features: Array) -> NDArray[np.bool_]:
-        """Whether each of the inputs (M, D) lies within the box of the training inputs, 5 % of its span
-        wider.
+    def answer(self, features: Array) -> Array:
+        """What ``predict`` gives, as rows (4, M), and in the last whether an input is in range: 1, else 0.
+
+        In range is what lies within the box of the training inputs, 5 % of its span wider.
         """
-        lowest, highest = self._bounds
-        inside: NDArray[np.bool_] = np.all((features >= lowest) & (features <= highest), axis=1)
-        return inside
+        points = np.ascontiguousarray(features, dtype=np.float64)
+        return posterior(points, *self._known)
 
     @cached_property
-    def _bounds(self) -> tuple[Array, Array]:
-        slack = RANGE_SLACK * (self.highest - self.lowest)
-        return self.lowest - slack, self.highest + slack
-
-    @cached_property
-    def _units(self) -> Array:
-        """(D,): what an input is divided by, in its own unit."""
-        return self.scale * self.hyperparameters.length_scales
+    def _known(self) -> tuple[Array, Array, Array, Array, Array, Array, float, float, float]:
+        """What every prediction needs; units: what an input is divided by, in its own unit."""
+        found, slack = self.hyperparameters, RANGE_SLACK * (self.highest - self.lowest)
+        units, bounds = (
+            self.scale * found.length_scales,
+            np.array([self.lowest - slack, self.highest + slack]),
+        )
+        learnt = (self.inputs, self.factor, self.weights, bounds)
+        return self.centre, units, *learnt, found.signal_m2, found.noise_m2, self.offset_m
 
 
 def matern32(left: Array, right: Array) -> Array:
