@@ -56,12 +56,16 @@ def library_name() -> str:
 class DriveLogWriter:
     """Writes a drive log. A context manager: ``PATH.partial`` becomes ``PATH`` when the block ends well.
 
-    With an ``origin``, positions are also written as latitude and longitude. After an error, or an interrupt,
+    With an ``origin``, positions are also written as latitude and longitude. ``live``: see ``McapWriter``; False for
+    logs that shall have the same bytes whenever they are made. After an error, or an interrupt,
     the ``.partial`` stays, closed as well as it can be; a later run replaces it.
     """
 
-    def __init__(self, path: Path, *, overwrite: bool = False, origin: Origin | None = None) -> None:
+    def __init__(
+        self, path: Path, *, overwrite: bool = False, origin: Origin | None = None, live: bool = True
+    ) -> None:
         self.path = Path(path)
+        self._live = live
         self.partial_path = self.path.with_name(self.path.name + ".partial")
         self.origin = origin
         if self.path.exists() and not overwrite:
@@ -77,7 +81,7 @@ class DriveLogWriter:
         except OSError as error:
             hint = "does its folder exist, and may you write there?"
             raise InputError(f"{self.partial_path} cannot be written ({error.strerror})", hint) from error
-        self._mcap = McapWriter(self._file, library_name())
+        self._mcap = McapWriter(self._file, library_name(), live=self._live)
         if self.origin is not None:
             self.metadata(
                 FRAME_METADATA, {name: repr(value) for name, value in self.origin._asdict().items()}

@@ -43,12 +43,14 @@ _STREAMS: Final = {"small": ("zstd", 1 << 20), "image": ("", 4 << 20)}
 class McapWriter:
     """Writes MCAP records to a binary stream. Channels belong to the chunk stream ``small`` or ``image``.
 
-    What is added is in the hands of the system within about a second, also while no more is added. Each chunk
-    holds the schemas and channels of its messages: whatever else is lost, it explains itself.
+    What is added is in the hands of the system within about a second, also while no more is added; with ``live``
+    false, only when a chunk is full: the same messages then give the same bytes, however long they take to come. Each
+    chunk holds the schemas and channels of its messages: whatever else is lost, it explains itself.
     """
 
-    def __init__(self, output: BinaryIO, library: str, profile: str = "ros2") -> None:
+    def __init__(self, output: BinaryIO, library: str, profile: str = "ros2", *, live: bool = True) -> None:
         self._output = output
+        self._live = live
         self._lock = threading.RLock()
         self._flush_error: OSError | ValueError | None = None
         self._stop_flushing: threading.Event | None = None
@@ -110,6 +112,8 @@ class McapWriter:
             self._counts[channel_id] = self._counts.get(channel_id, 0) + 1
             if stream.size >= stream.limit_bytes:
                 self._end_chunk(stream)
+            if not self._live:
+                return
             if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
                 self.flush()
             elif self._stop_flushing is None:

@@ -230,7 +230,11 @@ def warm_up(say: Callable[[str], None] | None = None) -> None:
 
     Without it, the first frame does so; with several processes each would.
     """
-    told = threading.Timer(PATIENCE_S, say or (lambda _: None), ["compiling the renderer, once: about 20 s"])
+    told = threading.Timer(
+        PATIENCE_S,
+        say or (lambda _: None),
+        ["loading the renderer (compiling it, the first time: about 20 s)"],
+    )
     told.daemon = True
     told.start()
     try:

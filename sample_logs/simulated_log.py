@@ -103,7 +103,7 @@ def write_log(
         )
         log.write_image(stamp_ns, frame.jpeg, "jpeg")
 
-    with DriveLogWriter(output, overwrite=overwrite, origin=road.origin) as log:
+    with DriveLogWriter(output, overwrite=overwrite, origin=road.origin, live=False) as log:
         log.attach(CALIBRATION_ATTACHMENT, "application/yaml", to_yaml(drive.camera))
         log.attach(MAP_ATTACHMENT, "application/geo+json", encode_map(road.mapped()))
         log.attach(TRUE_MAP_ATTACHMENT, "application/geo+json", encode_map(road.true()))

@@ -209,6 +209,23 @@ def test_what_is_a_second_old_survives_a_kill(tmp_path: Path, monkeypatch: pytes
         assert (tmp_path / "a.mcap.partial").stat().st_size > small + 200
 
 
+def test_a_log_that_is_not_live_has_the_same_bytes_however_long_it_took(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr("scpf.ingest.mcap_write.time.monotonic", lambda: now_s[0])
+    logs = {}
+    for live in (True, False):
+        for pause_s in (0.0, 1.1):
+            path = tmp_path / f"{live}_{pause_s}.mcap"
+            with DriveLogWriter(path, live=live) as log:
+                for k in range(3):
+                    log.write_pose(T0 + k * STEP, a_pose(k))
+                    now_s[0] += pause_s
+            logs[live, pause_s] = path.read_bytes()
+    assert logs[False, 0.0] == logs[False, 1.1] != logs[True, 1.1]
+
+
 def test_a_full_disk_is_not_kept_from_the_writer_of_messages() -> None:
     """What the flushing in the background meets is raised where the next message is added."""
 
