@@ -37,7 +37,7 @@ VARIANTS: Final[dict[str, dict[str, Any]]] = {
 
 def main(runs: int, first: int, drives: int) -> None:
     """Print a row for each variant."""
-    print(f"{'mean error, m; NEES':36s}" + "".join(f"{case:>24s}" for case in CASES), "  diverged")
+    print(f"{'mean error, m; NEES':36s}" + "".join(f"{case:>27s}" for case in CASES), "  diverged")
     scenarios = {
         (case, drive): make_scenario(CASES[case], drive)
         for case in CASES
@@ -61,7 +61,7 @@ def main(runs: int, first: int, drives: int) -> None:
                     lost += metrics.diverged_runs
             (near, far), (nees, nees_far) = figures
             cells.append(f"{near:.2f} / {far:.2f}; {nees:.1f} / {nees_far:.1f}")
-        print(f"{name:36s}" + "".join(f"{cell:>24s}" for cell in cells), f"  {lost}", flush=True)
+        print(f"{name:36s}" + "".join(f"{cell:>27s}" for cell in cells), f"  {lost}", flush=True)
 
 
 if __name__ == "__main__":
