@@ -37,7 +37,7 @@ class Fix(NamedTuple):
 
     def add_to(self, log_weights: Array32, states: Array32) -> None:
         """Add log p(z | x)."""
-        kernels.add_fix(log_weights, states[0], states[1], self.positions_m, 1.0 / self.variance_m2)
+        kernels.add_fix(log_weights, states, self.positions_m, 1.0 / self.variance_m2)
 
 
 class Road(NamedTuple):
@@ -52,8 +52,7 @@ class Road(NamedTuple):
         """Add log Pr(γ ≥ C)."""
         kernels.add_road(
             log_weights,
-            states[0],
-            states[1],
+            states,
             self.cubics,
             self.which,
             self.half_width_m,
@@ -69,7 +68,7 @@ class Speed(NamedTuple):
 
     def add_to(self, log_weights: Array32, states: Array32) -> None:
         """Add log Pr(γ ≥ C)."""
-        kernels.add_speed(log_weights, states[2], states[3], self.limit_mps, 1.0 / self.slack_mean_mps)
+        kernels.add_speed(log_weights, states, self.limit_mps, 1.0 / self.slack_mean_mps)
 
 
 class Range(NamedTuple):
@@ -86,9 +85,8 @@ class Range(NamedTuple):
 
     def add_to(self, log_weights: Array32, states: Array32) -> None:
         """Add the tempered log Pr(γ ≥ C)."""
-        x, y = states[0], states[1]
         place, power = (self.marks, self.which), _per_run(self.exponent, states)
-        kernels.add_range(log_weights, x, y, *place, self.distance_m, self.deviation_m, power)
+        kernels.add_range(log_weights, states, *place, self.distance_m, self.deviation_m, power)
 
 
 class Bearing(NamedTuple):
@@ -103,9 +101,8 @@ class Bearing(NamedTuple):
 
     def add_to(self, log_weights: Array32, states: Array32) -> None:
         """Add the tempered log Pr(γ ≥ C)."""
-        x, y, heading = states[0], states[1], states[4]
         place, power = (self.marks, self.which, self.distance_m), _per_run(self.exponent, states)
-        kernels.add_bearing(log_weights, x, y, heading, *place, self.bearing_rad, self.deviation_rad, power)
+        kernels.add_bearing(log_weights, states, *place, self.bearing_rad, self.deviation_rad, power)
 
 
 class Heading(NamedTuple):

@@ -1,6 +1,6 @@
 """Compiled kernels that weigh particles: one a constraint, adding its log-probability to ``log_weights`` (R, N).
 
-``x``, ``y``, … are rows (R, N) of the particles; what differs between runs is an array (R, …).
+``states`` (D, R, N) are the particles; what differs between runs is an array (R, …).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ RECIPROCAL_SQRT2 = 0.7071067811865476
 
 
 @kernel
-def add_fix(log_weights: Array32, x: Array32, y: Array32, fix_m: Any, inverse_variance: Any) -> None:
+def add_fix(log_weights: Array32, states: Array32, fix_m: Any, inverse_variance: Any) -> None:
     """``PositionFix.log_likelihood``; ``fix_m`` (R, 2)."""
     scale = f4(0.5 * inverse_variance)
-    for r in range(x.shape[0]):
-        lw, xr, yr = log_weights[r], x[r], y[r]
+    for r in range(states.shape[1]):
+        lw, xr, yr = log_weights[r], states[0, r], states[1, r]
         fx, fy = f4(fix_m[r, 0]), f4(fix_m[r, 1])
         for i in range(xr.size):
             lw[i] -= ((xr[i] - fx) ** 2 + (yr[i] - fy) ** 2) * scale
@@ -35,15 +35,15 @@ def add_fix(log_weights: Array32, x: Array32, y: Array32, fix_m: Any, inverse_va
 
 @kernel
 def add_road(
-    log_weights: Array32, x: Array32, y: Array32, cubics: Any, which: Any, half_width: Any, inverse_mean: Any
+    log_weights: Array32, states: Array32, cubics: Any, which: Any, half_width: Any, inverse_mean: Any
 ) -> None:
     """``RoadConstraint``; ``cubics`` (S, 7: centre x, y, b0 … b3, swapped), ``which`` (R,) is each run's."""
     half, steep = f4(half_width), f4(inverse_mean)
-    for r in range(x.shape[0]):
-        lw = log_weights[r]
+    for r in range(states.shape[1]):
+        lw, x, y = log_weights[r], states[0, r], states[1, r]
         cubic = cubics[which[r]]
         swapped = cubic[6] > 0.5
-        along, across = (y[r], x[r]) if swapped else (x[r], y[r])
+        along, across = (y, x) if swapped else (x, y)
         c0, c1 = (f4(cubic[1]), f4(cubic[0])) if swapped else (f4(cubic[0]), f4(cubic[1]))
         b0, b1, b2, b3 = f4(cubic[2]), f4(cubic[3]), f4(cubic[4]), f4(cubic[5])
         for i in range(lw.size):
@@ -53,11 +53,11 @@ def add_road(
 
 
 @kernel
-def add_speed(log_weights: Array32, vx: Array32, vy: Array32, limit: Any, inverse_mean: Any) -> None:
+def add_speed(log_weights: Array32, states: Array32, limit: Any, inverse_mean: Any) -> None:
     """``SpeedConstraint``."""
     top, steep = f4(limit), f4(inverse_mean)
-    for r in range(vx.shape[0]):
-        lw, u, v = log_weights[r], vx[r], vy[r]
+    for r in range(states.shape[1]):
+        lw, u, v = log_weights[r], states[2, r], states[3, r]
         for i in range(lw.size):
             lw[i] -= max(np.sqrt(u[i] * u[i] + v[i] * v[i]) - top, f4(0.0)) * steep
 
@@ -65,8 +65,7 @@ def add_speed(log_weights: Array32, vx: Array32, vy: Array32, limit: Any, invers
 @kernel
 def add_range(
     log_weights: Array32,
-    x: Array32,
-    y: Array32,
+    states: Array32,
     marks: Any,
     which: Any,
     distance: Any,
@@ -78,10 +77,10 @@ def add_range(
     ``which`` (R,) of ``marks`` (L, 3: x, y, variance of each axis) it is in each run, −1 for none.
     """
     mu = f4(distance)
-    for r in range(x.shape[0]):
+    for r in range(states.shape[1]):
         if which[r] < 0:
             continue
-        lw, xr, yr = log_weights[r], x[r], y[r]
+        lw, xr, yr = log_weights[r], states[0, r], states[1, r]
         lx, ly = f4(marks[which[r], 0]), f4(marks[which[r], 1])
         scale = f4(RECIPROCAL_SQRT2 / np.sqrt(deviation**2 + marks[which[r], 2]))
         power = f4(exponents[r])
@@ -94,9 +93,7 @@ def add_range(
 @kernel
 def add_bearing(
     log_weights: Array32,
-    x: Array32,
-    y: Array32,
-    heading: Array32,
+    states: Array32,
     marks: Any,
     which: Any,
     distance: Any,
@@ -109,13 +106,13 @@ def add_bearing(
     The rest as in ``add_range``.
     """
     beta, squared = f4(bearing), max(distance, 1.0) ** 2
-    for r in range(x.shape[0]):
+    for r in range(states.shape[1]):
         if which[r] < 0:
             continue
         lx, ly = f4(marks[which[r], 0]), f4(marks[which[r], 1])
         scale = f4(RECIPROCAL_SQRT2 / np.sqrt(deviation**2 + marks[which[r], 2] / squared))
         power = f4(exponents[r])
-        lw, xr, yr, hr = log_weights[r], x[r], y[r], heading[r]
+        lw, xr, yr, hr = log_weights[r], states[0, r], states[1, r], states[4, r]
         for i in range(lw.size):
             off = wrapped(angle_of(ly - yr[i], lx - xr[i]) - hr[i] - beta)
             t, p = erfc_parts(abs(off) * scale)
