@@ -25,7 +25,7 @@ from scpf.models.segmentation import STRIDE_PX, frame
 
 LEAST_PICTURES = 4
 _EXAMPLE_PX = (96, 128)
-_HEADS = ("mask", "centre.1", "offsets.1")  # the convolutions that give the outputs
+_HEADS = ("mask", "centre.1", "offsets")  # the convolutions that give the outputs
 
 
 class _WholePoleNet(nn.Module):

@@ -99,13 +99,13 @@ def test_damaged_foreign_and_newer_weights_are_refused(net: polenet.PoleNet, tmp
     assert "safetensors" in refused(whole[:1000])
     assert "safetensors" in refused(whole[: len(whole) // 2])
     assert "safetensors" in refused(b"")
-    assert "weights format" in refused(whole.replace(b'"format_version":"1"', b'"format_version":"2"'))
+    assert "weights format" in refused(whole.replace(b'"format_version":"2"', b'"format_version":"3"'))
     assert "not PoleNet" in refused(whole.replace(b"scpf-polenet", b"xxxx-xxxxxxx"))
     assert "description" in refused(whole.replace(b"mask_logit", b"mask_login"))
     assert "finite" in refused(whole[:-2] + b"\x00\x7e")
     save_file({"a": torch.zeros(2)}, path)
     assert "not PoleNet" in refused(path.read_bytes())
-    description = {"format": "scpf-polenet", "format_version": "1", "info": json.dumps({"trained_on": ""})}
+    description = {"format": "scpf-polenet", "format_version": "2", "info": json.dumps({"trained_on": ""})}
     save_file({"a": torch.zeros(2)}, path, description)
     assert "description" in refused(path.read_bytes())
 
