@@ -170,7 +170,6 @@ def resample(states: Array32, target: Array32, weights: Array32, chosen: Any, ke
                 sink[i] = source[chosen[i]]
 
 
-@kernel
 def conclude(
     log_weights: Array32,
     weights: Array32,
@@ -187,15 +186,14 @@ def conclude(
 ) -> bool:
     """``normalise``, ``summarise`` and, where a run's ESS/N is not above ``below``, ``resample``; whether it did.
 
-    One call, since each costs as much as a constraint of 500 particles. Log-weights are 0 after a resampling.
+    Log-weights are 0 after a resampling. Not compiled as one: the compiler would merge the three when they are new, but
+    not when they come from its cache, and fast mathematics then rounds otherwise, the same seed or not.
     """
     normalise(log_weights, weights, peak)
     summarise(states, weights, mean, covariance, ess)
-    wanted = below >= 1.0
-    for r in range(ess.size):
-        wanted = wanted or ess[r] < below * states.shape[2]
+    wanted = bool(below >= 1.0 or (ess < below * states.shape[2]).any())
     if wanted:
         # In lock-step: where one run needs it all are resampled, which changes no distribution.
         resample(states, target, weights, chosen, keys, step)
         log_weights[:] = f4(0.0)
-    return bool(wanted)
+    return wanted
