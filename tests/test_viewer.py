@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from PIL import Image
 from synthetic_steps import camera, road_map, synthetic_steps
 
+from scpf.ingest.drive_log import DriveLog
 from scpf.models.errors import InputError, MissingError
 from scpf.replay import viewer
 from scpf.replay.cli import run
-from scpf.replay.overlays import LANDMARK_COLOURS, LandmarkClasses
+from scpf.replay.overlays import LandmarkClasses
 from scpf.replay.recording import Recording
 
 needs_driver = pytest.mark.skipif(bool(viewer.missing_driver()), reason=viewer.missing_driver() or "–")
@@ -76,7 +77,9 @@ def test_pictures_in_a_file_of_their_own_lie_under_the_masks(tmp_path: Path) -> 
     red, green, blue = camera_view.astype(int).transpose(2, 0, 1)
     assert ((blue > 150) & (blue > red + 15)).sum() > 2000, "the sky of the picture"
     assert ((green > red + 20) & (green > blue + 20)).sum() > 2000, "and its grass"
-    assert near(camera_view, LANDMARK_COLOURS[3]) > 20, "the outline of P11"
+    with DriveLog(SAMPLE) as log:
+        colour = LandmarkClasses(log.road_map()).colour_of("P32")
+    assert near(camera_view, colour) > 20, "the outline of P32"
 
 
 def test_without_a_driver_the_error_says_what_to_install(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
