@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, NamedTuple
 
 from cyclopts import Parameter
 
+from scpf.replay.status_line import StatusLine
+
 if TYPE_CHECKING:
     from scpf.ingest.drive_log import DriveLog
     from scpf.models.instances import Image, Instance
@@ -80,6 +82,7 @@ def label(
     if count < 1 or not 0 <= threshold <= 1 or tolerance_px < 0:
         raise UsageError("--count is positive, --threshold from 0 to 1, --tolerance-px not negative")
     masks = written = 0
+    status = StatusLine(quiet)
     unreadable: list[str] = []
     with DriveLog(log) as opened:
         total = sum(1 for _ in opened.images())
@@ -89,10 +92,8 @@ def label(
         for chosen in _suggestions(opened, stretches, segmenter, min(threshold, DOUBTED), unreadable):
             masks += _write(output, chosen, threshold, tolerance_px, overwrite)
             written += 1
-            if not quiet and sys.stderr.isatty():
-                sys.stderr.write(f"\r\x1b[K{written} of {len(stretches)} frames, {masks} masks")
-    if not quiet and sys.stderr.isatty():
-        sys.stderr.write("\n")
+            status.show(f"{written} of {len(stretches)} frames, {masks} masks")
+    status.keep()
     for message in unreadable:
         print(f"scpf: {message}", file=sys.stderr)
     summary = {"folder": str(output), "frames": written, "masks": masks, "unreadable": len(unreadable)}

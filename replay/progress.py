@@ -7,6 +7,7 @@ import time
 from types import TracebackType
 
 from scpf.replay.controls import Controls
+from scpf.replay.status_line import StatusLine
 from scpf.replay.step import Step
 
 
@@ -17,7 +18,7 @@ class Progress:
     """
 
     def __init__(self, quiet: bool, controls: Controls | None = None) -> None:
-        self._shown = not quiet and sys.stderr.isatty()
+        self._status = StatusLine(quiet)
         self._controls = controls or Controls()
         self._controls.on_change = self._draw
         self._begun = self._drawn = self._now()
@@ -30,13 +31,11 @@ class Progress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+        self._status.clear()
 
     def say(self, text: str) -> None:
         """A line that stays."""
-        if self._shown:
+        if self._status.shown:
             print(text, file=sys.stderr)
 
     def step(self, step: Step, done: int, total: int) -> None:
@@ -46,7 +45,7 @@ class Progress:
             # The first frame pays for loading the network: the rate counts from its end.
             self._begun, self._first_ns = now, step.frame.stamp_ns
         hurried = now - self._drawn < 0.1 and done < total and not self._controls.paused
-        if not self._shown or hurried:
+        if not self._status.shown or hurried:
             return
         self._drawn = now
         elapsed = max(now - self._begun, 1e-3)
@@ -59,11 +58,7 @@ class Progress:
         self._draw()
 
     def _draw(self) -> None:
-        if self._shown:
-            sys.stderr.write(
-                "\r\x1b[K" + "  ".join(part for part in (self._line, self._controls.state()) if part)
-            )
-            sys.stderr.flush()
+        self._status.show("  ".join(part for part in (self._line, self._controls.state()) if part))
 
     def _now(self) -> float:
         """Time (s) without what was spent waiting for somebody."""

@@ -10,6 +10,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from scpf.replay.status_line import StatusLine
+
 
 def simulate(
     *,
@@ -177,7 +179,7 @@ class RenderProgress:
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
-        self._redraws = not quiet and sys.stderr.isatty()
+        self._status = StatusLine(quiet)
         self._begun = self._drawn = time.monotonic()
 
     def say(self, line: str) -> None:
@@ -194,16 +196,13 @@ class RenderProgress:
             if resumed:
                 self.say(f"{resumed} of {count} frames are there already")
             return
-        if not self._redraws or (now - self._drawn < 0.2 and done < count):
+        if not self._status.shown or (now - self._drawn < 0.2 and done < count):
             return
         self._drawn = now
         rate = (done - resumed) / max(now - self._begun, 1e-3)
         left_s = (count - done) / rate
-        sys.stderr.write(f"\r\x1b[Kframe {done}/{count}  {rate:.2f} frames/s  {left_s:.0f} s left")
-        sys.stderr.flush()
+        self._status.show(f"frame {done}/{count}  {rate:.2f} frames/s  {left_s:.0f} s left")
 
     def close(self) -> None:
         """Take the redrawn line away."""
-        if self._redraws:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+        self._status.clear()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
 from dataclasses import asdict
 from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
+
+from scpf.replay.status_line import StatusLine
 
 if TYPE_CHECKING:
     from scpf.models.survey import Survey
@@ -88,7 +89,11 @@ def map_survey(
     if output.exists() and not overwrite:
         raise InputError(f"{output} exists", "choose another name, or give --overwrite")
     start = None if road_map is None else read_map(road_map)
-    say = _progress(quiet)
+    status = StatusLine(quiet)
+
+    def say(frames: int, sightings: int) -> None:
+        status.show(f"{frames} frames, {sightings} sightings")
+
     found = read_sights(logs, segmenter, threshold, distance_model, every, start, say)
     fit = FitSettings(bearing_deviation_rad=radians(bearing_sigma_deg))
     result = survey(found.sights, found.road_map, SurveySettings(map_sigma_m, fewest, fit=fit))
@@ -152,15 +157,3 @@ def _as_dict(output: Path, found: SurveyInput, result: Survey) -> dict[str, Any]
         "turned_deviation_deg": degrees(result.turned_deviation_rad),
         "landmarks": [asdict(row) for row in result.landmarks],
     }
-
-
-def _progress(quiet: bool) -> Callable[[int, int], None]:
-    """A line on stderr that each frame replaces; silent where stderr is no terminal."""
-    shown = not quiet and sys.stderr.isatty()
-
-    def say(frames: int, sightings: int) -> None:
-        if shown:
-            sys.stderr.write(f"\r\x1b[K{frames} frames, {sightings} sightings")
-            sys.stderr.flush()
-
-    return say

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
+
+from scpf.replay.status_line import StatusLine
 
 
 def train_distance(
@@ -112,7 +113,7 @@ def train_distance(
     if figures is not None:
         check_matplotlib()  # before the long work, not after it
 
-    say = _progress(quiet)
+    status = StatusLine(quiet)
     settings = PRESETS[preset]
     settings = replace(
         settings,
@@ -127,7 +128,7 @@ def train_distance(
         threshold,
         every,
         max_distance_m,
-        lambda frames, n: say(f"{frames} frames, {n} samples"),
+        lambda frames, n: status.show(f"{frames} frames, {n} samples"),
         tuple(dict.fromkeys((*GATE_FEATURES, *settings.features))),
     )
     classes, few = by_class(samples)
@@ -143,7 +144,7 @@ def train_distance(
     judged: dict[str, Judged] = {}
     for name, mine in classes.items():
         parts = None if cross_fitted is None else folds
-        judged[name] = judge(mine, settings, seed, repetitions, notes, parts, say)
+        judged[name] = judge(mine, settings, seed, repetitions, notes, parts, status.show)
     together({name: each.model for name, each in judged.items()}).save(output)
     if cross_fitted is not None:
         fitted = {name: each.cross_fitted for name, each in judged.items() if each.cross_fitted is not None}
@@ -162,7 +163,7 @@ def train_distance(
             )
             held_out, comparisons = each.by_pole.validation, each.figures["comparisons"]
             written += draw(figures, name, each.model.names, held_out, comparisons, about)
-    say("")
+    status.clear()
     text = json.dumps(results, indent=1, allow_nan=False)
     if report is not None:
         partial = report.with_name(report.name + ".partial")
@@ -174,15 +175,3 @@ def train_distance(
     for name, count in few.items():
         print(f"scpf: no model for {name}: {count} samples are too few", file=sys.stderr)
     return 3 if samples.unreadable or few else 0
-
-
-def _progress(quiet: bool) -> Callable[[str], None]:
-    """A line on stderr that each call replaces; silent where stderr is no terminal."""
-    shown = not quiet and sys.stderr.isatty()
-
-    def say(text: str) -> None:
-        if shown:
-            sys.stderr.write(f"\r\x1b[K{text}")
-            sys.stderr.flush()
-
-    return say
