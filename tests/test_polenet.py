@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import torch
+from painted_scenes import write_painted_scenes
 from safetensors.torch import save_file
 
 from scpf.models import polenet
@@ -18,7 +18,6 @@ from scpf.models.labelled_images import ids_images
 from scpf.models.polenet_samples import Sample, make_sample, targets
 from scpf.models.polenet_training import TrainingSettings, begin, training_step
 from scpf.models.polenet_validation import JudgedImage, Judgement, Verdict, is_detection, match
-from scpf.sample_logs.street_scenes import scene
 
 CALIBRATION = ScoreCalibration(1.5, 0.5, 0.25, -1.0)
 
@@ -31,12 +30,7 @@ def one_thread() -> None:
 
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("scenes")
-    for seed in range(4):
-        image, ids = scene(seed, (320, 256))
-        cv2.imwrite(str(folder / f"{seed}.jpg"), image)
-        cv2.imwrite(str(folder / f"{seed}.ids.png"), ids)
-    return folder
+    return write_painted_scenes(tmp_path_factory.mktemp("scenes"), (320, 256))
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from painted_scenes import write_painted_scenes
 
 from scpf.ingest.labelme_out import Labelled, labelme_json
 from scpf.models import polenet, polenet_training
@@ -36,12 +37,7 @@ def one_thread() -> None:
 
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("scenes")
-    for seed in range(4):
-        image, ids = scene(seed, (160, 128))
-        cv2.imwrite(str(folder / f"{seed}.jpg"), image)
-        cv2.imwrite(str(folder / f"{seed}.ids.png"), ids)
-    return folder
+    return write_painted_scenes(tmp_path_factory.mktemp("scenes"), (160, 128))
 
 
 @pytest.fixture(scope="module")
