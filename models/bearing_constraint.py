@@ -17,6 +17,13 @@ from scpf.models.slack import rayleigh_log_survival
 Array = NDArray[np.float64]
 
 
+def bearing_off(position_m: Array, bearing_rad: float, states: Array, heading_rad: Array | float) -> Array:
+    """Angle (rad, N), 0 … π, between where states of that heading see a landmark, and where it was seen."""
+    east, north = (position_m - states[:, :2]).T
+    off: Array = np.abs(wrap_angle(np.arctan2(north, east) - heading_rad - bearing_rad))
+    return off
+
+
 @dataclass(frozen=True, eq=False)
 class BearingConstraint:
     """See a landmark where it was seen: C = |direction to p_l − ψ − β| (rad, wrapped); half-normal slack."""
@@ -33,9 +40,7 @@ class BearingConstraint:
 
     def violation(self, states: Array) -> Array:
         """Angle (rad) between the expected and the observed bearing, 0 … π."""
-        east, north = (self.position_m - states[:, :2]).T
-        off: Array = np.abs(wrap_angle(np.arctan2(north, east) - states[:, 4] - self.bearing_rad))
-        return off
+        return bearing_off(self.position_m, self.bearing_rad, states, states[:, 4])
 
     def log_probability(self, states: Array) -> Array:
         """log Pr(γ ≥ C), γ half-normal with ``deviation_rad``."""
@@ -62,9 +67,7 @@ class RoadBearingConstraint:
 
     def violation(self, states: Array) -> Array:
         """Angle (rad) between the expected and the observed bearing, 0 … π."""
-        east, north = (self.position_m - states[:, :2]).T
-        off: Array = np.abs(wrap_angle(np.arctan2(north, east) - self.heading_rad - self.bearing_rad))
-        return off
+        return bearing_off(self.position_m, self.bearing_rad, states, self.heading_rad)
 
     def log_probability(self, states: Array) -> Array:
         """log Pr(γ ≥ C), γ half-normal with ``deviation_rad``."""

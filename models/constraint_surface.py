@@ -30,15 +30,21 @@ def surfaces(
     one constraint does not pay for the violation of another. Log-probabilities of landmarks are in single precision.
     """
     shape = (len(north_m), len(east_m))
-    states = np.empty((shape[0] * shape[1], len(state)))
-    states[:] = state
-    states[:, 0], states[:, 1] = np.tile(east_m, shape[0]), np.repeat(north_m, shape[1])
+    states = states_over(state, east_m, north_m)
     total, joint = np.zeros(len(states)), np.zeros(len(states))
     for constraint in constraints:
         violation, log_probability = _both(constraint, states)
         total += np.maximum(violation, 0.0)
         joint += log_probability
     return total.reshape(shape), joint.reshape(shape)
+
+
+def states_over(state: Array, east_m: Array, north_m: Array) -> Array:
+    """``state`` (D,) at every place ``east_m`` (C,) × ``north_m`` (R,), row by row: (R · C, D)."""
+    states = np.empty((len(north_m) * len(east_m), len(state)))
+    states[:] = state
+    states[:, 0], states[:, 1] = np.tile(east_m, len(north_m)), np.repeat(north_m, len(east_m))
+    return states
 
 
 def _both(constraint: Constraint, states: Array) -> tuple[Array, Array]:

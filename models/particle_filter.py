@@ -79,7 +79,10 @@ class FilterSettings:
 
 
 class ParticleFilter:
-    """Sequential importance resampling; ``step`` is Algorithm 1 of the paper from its prediction on."""
+    """Sequential importance resampling: ``predict``, then ``update``, as Algorithm 1 of the paper does it."""
+
+    exponent: Final = 1.0
+    """What landmarks count: they are taken at their word."""
 
     def __init__(self, motion: MotionModel, settings: FilterSettings, rng: np.random.Generator) -> None:
         self.motion = motion

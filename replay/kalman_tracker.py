@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ class KalmanTracker:
     is a Gaussian: the ``states`` of a `Belief` are equal-weighted draws from it, to be shown as particles are, and ESS
     is their number.
     """
+
+    exponent: Final = 1.0
 
     def __init__(self, motion: ConstantVelocity, settings: FilterSettings, rng: np.random.Generator) -> None:
         self.motion = motion

@@ -59,6 +59,11 @@ class DistanceSource(Protocol):
 class Tracker(Protocol):
     """Anything that follows the vehicle: `ParticleFilter`, or what takes its place."""
 
+    @property
+    def exponent(self) -> float:
+        """The tempering of the landmarks' constraints in the next step; 1 takes them at their word."""
+        ...
+
     def initialise(self, mean: Array) -> Belief:
         """Begin around the state ``mean``."""
         ...
@@ -137,8 +142,8 @@ class Pipeline:
             predicted = self._filter.predict(dt_s)
             self._baseline.predict(dt_s)
             matches = self._match(observations, predicted)
-            exponent = self._filter.exponent if isinstance(self._filter, LastingTracker) else 1.0
-            constraints = self._constraints(observations, matches, predicted, self._yaw(predicted), exponent)
+            yaw, exponent = self._yaw(predicted), self._filter.exponent
+            constraints = self._constraints(observations, matches, predicted, yaw, exponent)
             fix = None if frame.gps_m is None else PositionFix(frame.gps_m, frame.gps_variance_m2)
             belief = self._filter.update(constraints, fix)
             baseline = self._baseline.update([], fix)

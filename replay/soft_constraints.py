@@ -34,9 +34,8 @@ def soft_constraints(
 ) -> list[Constraint]:
     """The constraints about the ``predicted`` state (D,), whose heading is ``yaw_rad``.
 
-    ``exponent``: what landmarks count that every particle matches for itself.
-
     ``matches`` run parallel to ``observations``. The paper's are road, speed and the range of each matched landmark.
+    ``exponent`` tempers the landmarks that every particle matches for itself.
     """
     wanted = settings.constraints
     constraints: list[Constraint] = []

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.bearing_constraint import RoadBearingConstraint
+from scpf.models.constraint_surface import states_over
 from scpf.models.constraints import Constraint, LandmarkConstraint
 from scpf.models.matched_landmarks import MatchedLandmarks
 from scpf.models.particle_filter import PositionFix
@@ -51,8 +52,7 @@ def surface_terms(
     rows, columns = surface.violation.shape
     east = surface.corner_m[0] + np.arange(columns) * surface.cell_m
     north = surface.corner_m[1] + np.arange(rows) * surface.cell_m
-    states = np.tile(mean, (rows * columns, 1))
-    states[:, 0], states[:, 1] = np.tile(east, rows), np.repeat(north, columns)
+    states = states_over(mean, east, north)
     terms = {
         name: SurfaceTerm(label, one.log_probability(states).reshape(rows, columns))
         for name, label, one in (*_others(constraints), *_of_landmarks(constraints))
