@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scpf.models.camera import looking_ahead
 from scpf.models.errors import InputError, UsageError
 from scpf.models.trajectory import Trajectory
+from scpf.models.whole_files import whole
 
 Array = NDArray[np.float64]
 
@@ -89,9 +90,8 @@ def _rows(trajectory: Trajectory, quaternions: Array) -> Iterable[tuple[int, lis
 def _write(path: Path, lines: list[str], overwrite: bool) -> None:
     if path.exists() and not overwrite:
         raise InputError(f"{path} exists", "choose another name, or give --overwrite")
-    partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        partial.replace(path)
+        with whole(path) as partial:
+            partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror})", "does its folder exist?") from error

@@ -22,6 +22,7 @@ from scpf.models.errors import MissingError, UsageError
 from scpf.models.instances import Image
 from scpf.models.onnx_segmenter import FORMAT, FORMAT_VERSION, INPUT, OUTPUTS
 from scpf.models.segmentation import STRIDE_PX, frame
+from scpf.models.whole_files import whole
 
 LEAST_PICTURES = 4
 _EXAMPLE_PX = (96, 128)
@@ -87,20 +88,19 @@ def _check_installed() -> None:
 
 
 def _write(model: Any, output: Path) -> None:
-    partial = output.with_name(output.name + ".partial")
-    partial.write_bytes(model.SerializeToString())
-    partial.replace(output)
+    with whole(output) as partial:
+        partial.write_bytes(model.SerializeToString())
 
 
 def _trace(net: polenet.PoleNet, path: Path) -> None:
-    whole = _WholePoleNet(polenet.fold_batch_norm(net)).eval()
+    traced = _WholePoleNet(polenet.fold_batch_norm(net)).eval()
     example = torch.zeros(1, *_EXAMPLE_PX, 3, dtype=torch.uint8)
     height, width = torch.export.Dim("height_cells"), torch.export.Dim("width_cells")
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it tells of torchvision's absence, line by line
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of torch's exporter about itself
         torch.onnx.export(
-            whole,
+            traced,
             (example,),
             path,
             input_names=[INPUT[0]],

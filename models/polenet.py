@@ -28,6 +28,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from scpf.models.errors import InputError, MissingError
 from scpf.models.grouping import ScoreCalibration
+from scpf.models.whole_files import whole
 
 FORMAT = "scpf-polenet"
 FORMAT_VERSION = 2
@@ -186,9 +187,8 @@ def save(path: Path, net: PoleNet, info: WeightsInfo) -> None:
         if not name.endswith("num_batches_tracked")
     }
     metadata = {"format": FORMAT, "format_version": str(FORMAT_VERSION), "info": write_info(info)}
-    partial = path.with_name(path.name + ".partial")
-    save_file(tensors, partial, metadata)
-    partial.replace(path)
+    with whole(path) as partial:
+        save_file(tensors, partial, metadata)
 
 
 def write_info(info: WeightsInfo) -> str:

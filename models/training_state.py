@@ -10,6 +10,7 @@ import torch
 
 from scpf.models.errors import DamagedError, MissingError
 from scpf.models.polenet import PoleNet
+from scpf.models.whole_files import whole
 
 
 @dataclass
@@ -32,9 +33,8 @@ class TrainingState:
             "scaler": self.scaler.state_dict(),
             "progress": [self.step, self.best, self.best_step, self.elapsed_s],
         }
-        partial = path.with_name(path.name + ".partial")
-        torch.save(content, partial)
-        partial.replace(path)
+        with whole(path) as partial:
+            torch.save(content, partial)
 
     def restore(self, path: Path, device: torch.device) -> None:
         """Takes up what a file holds; raises MissingError and DamagedError. Code in it is not run."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from scpf.models.whole_files import whole
 from scpf.replay.ingest_reports import Counter, plain
 
 if TYPE_CHECKING:
@@ -121,9 +122,8 @@ def _write(output: Path, result: Calibration, left_out: int) -> None:
         f"# scpf calibrate: {len(result.view_rms_px)} views of a {board.columns}x{board.rows} board of "
         f"{board.square_m} m, {left_out} left out; RMS {result.rms_px:.4f} px, coverage {result.coverage:.0%}\n"
     )
-    partial = output.with_name(output.name + ".partial")
-    partial.write_bytes(heading.encode() + to_yaml(result.camera, mounted=False))
-    partial.replace(output)
+    with whole(output) as partial:
+        partial.write_bytes(heading.encode() + to_yaml(result.camera, mounted=False))
 
 
 def _figures(output: Path, result: Calibration, left_out: dict[str, str]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.errors import MissingError
+from scpf.models.whole_files import whole
 from scpf.replay.distance_evaluation import BANDS_M, Z_95, Residuals
 
 if TYPE_CHECKING:
@@ -90,10 +91,9 @@ def _save(path: Path, drawing: Callable[[Axes], None], about: str) -> None:
     axes.grid(alpha=0.3)
     drawing(axes)
     figure.supxlabel(about, fontsize=8, color="0.4")
-    partial = path.with_name(path.name + ".partial")
     # Without the version of matplotlib in it, the same figures give the same file.
-    figure.savefig(partial, format="png", metadata={"Software": None})
-    partial.replace(path)
+    with whole(path) as partial:
+        figure.savefig(partial, format="png", metadata={"Software": None})
 
 
 def _nothing(axes: Axes) -> None:

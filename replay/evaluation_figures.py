@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.errors import InputError
+from scpf.models.whole_files import whole
 from scpf.replay.distance_figures import COLOURS, DPI, check_matplotlib
 from scpf.replay.evaluation import Result, pooled
 from scpf.replay.evaluation_plan import Plan
@@ -155,10 +156,9 @@ def _save(path: Path, drawing: Callable[[Figure], None]) -> None:
     figure = Figure(figsize=(WIDTH_INCHES, 4.6), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     drawing(figure)
-    unfinished = path.with_name(path.name + ".partial")
     # Without the version of matplotlib in it, the same figures give the same file.
     try:
-        figure.savefig(unfinished, format="png", metadata={"Software": None})
-        unfinished.replace(path)
+        with whole(path) as partial:
+            figure.savefig(partial, format="png", metadata={"Software": None})
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror})") from error

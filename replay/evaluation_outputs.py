@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scpf.models.errors import InputError, UsageError
+from scpf.models.whole_files import whole
 from scpf.replay.evaluation import Result
 from scpf.replay.evaluation_plan import Plan
 from scpf.replay.evaluation_report import as_csv, as_json
@@ -76,9 +77,8 @@ class Outputs:
 
 
 def _write(path: Path, text: str) -> None:
-    partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
+        with whole(path) as partial:
+            partial.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror})") from error

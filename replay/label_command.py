@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, NamedTuple
 
 from cyclopts import Parameter
 
+from scpf.models.whole_files import whole
 from scpf.replay.status_line import StatusLine
 
 if TYPE_CHECKING:
@@ -179,9 +180,8 @@ def _write(folder: Path, chosen: _Suggestion, threshold: float, tolerance_px: fl
         (picture, chosen.picture),
         (labels, labelme_json(chosen.name, chosen.size_px, shown, tolerance_px)),
     ):
-        partial = path.with_name(path.name + ".partial")
-        partial.write_bytes(content)
-        partial.replace(path)
+        with whole(path) as partial:
+            partial.write_bytes(content)
     return len(shown)
 
 

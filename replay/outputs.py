@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scpf.models.errors import InputError
+from scpf.models.whole_files import whole
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,5 @@ class Outputs:
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write ``NAME.json``, whole or not at all."""
-        partial = self.summary.with_name(self.summary.name + ".partial")
-        partial.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
-        partial.replace(self.summary)
+        with whole(self.summary) as partial:
+            partial.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")

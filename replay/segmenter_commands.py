@@ -8,6 +8,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from scpf.models.whole_files import whole
+
 
 def train_segmenter(
     data: list[Path] | None = None,
@@ -128,12 +130,11 @@ def train_segmenter(
             print(line, file=sys.stderr, flush=True)
 
     def show(document: dict[str, Any], text: str) -> int:
-        whole = json.dumps(document, indent=1, allow_nan=False)
+        complete = json.dumps(document, indent=1, allow_nan=False)
         if report is not None:
-            partial = report.with_name(report.name + ".partial")
-            partial.write_text(whole + "\n")
-            partial.replace(report)
-        print(whole if format == "json" else text)
+            with whole(report) as partial:
+                partial.write_text(complete + "\n")
+        print(complete if format == "json" else text)
         return 0
 
     for path in (output, report):

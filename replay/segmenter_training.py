@@ -11,6 +11,7 @@ from pathlib import Path
 
 from scpf.models import polenet
 from scpf.models.polenet_training import BEST, STATE, TrainingSettings, train
+from scpf.models.whole_files import whole
 from scpf.replay.segmenter_data import TrainingPictures
 from scpf.replay.training_run import TrainingRun
 
@@ -56,7 +57,6 @@ def run_training(
         raise
     finally:
         opened.close()
-    partial = output.with_name(output.name + ".partial")
-    shutil.copyfile(folder / BEST, partial)
-    partial.replace(output)
+    with whole(output) as partial:
+        shutil.copyfile(folder / BEST, partial)
     return info

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from scpf.models.whole_files import whole
 from scpf.replay.status_line import StatusLine
 
 
@@ -166,9 +167,8 @@ def train_distance(
     status.clear()
     text = json.dumps(results, indent=1, allow_nan=False)
     if report is not None:
-        partial = report.with_name(report.name + ".partial")
-        partial.write_text(text + "\n")
-        partial.replace(report)
+        with whole(report) as partial:
+            partial.write_text(text + "\n")
     print(text if format == "json" else table(results, written))
     if samples.unreadable:
         print(f"scpf: {samples.unreadable} of {samples.frames} frames could not be decoded", file=sys.stderr)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from scpf.models.errors import InputError, MissingError
+from scpf.models.whole_files import whole
 
 CONFIGURATION: Final = "configuration.json"
 MAY_DIFFER: Final = ("device", "workers", "limit_s", "scpf", "patience")
@@ -71,13 +72,11 @@ class TrainingRun:
         rows.append({"step": str(step), **{name: f"{value:.6g}" for name, value in values.items()}})
         self._rows[kind] = rows
         path = self.folder / f"{kind}.csv"
-        partial = path.with_name(path.name + ".partial")
-        with partial.open("w", newline="") as file:
+        with whole(path) as partial, partial.open("w", newline="") as file:
             names = dict.fromkeys(name for row in rows for name in row)
             writer = csv.DictWriter(file, list(names), restval="")
             writer.writeheader()
             writer.writerows(rows)
-        partial.replace(path)
         if self._board is not None:
             for name, value in values.items():
                 self._board.add_scalar(f"{kind}/{name}", value, step)
