@@ -63,7 +63,14 @@ def test_an_interrupt_is_exit_130_and_says_what_is_left(tmp_path: Path) -> None:
     sample = Path(__file__).parent.parent / "sample_logs" / "ring_road.mcap"
     command = [sys.executable, "-c", "from scpf.replay.cli import main; main()"]
     command += ["replay", str(sample), "-o", str(tmp_path), "--segmenter", "recorded"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # As at a prompt: tests that run in the background have Ctrl-C ignored, and so would have this.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     partial = tmp_path / "ring_road.partial.rrd"
     for _ in range(600):
         if partial.exists() and partial.stat().st_size > 1_000_000:
