@@ -25,6 +25,7 @@ from scpf.replay.pace import FULL_SPEED, Pace, PaceSettings
 from scpf.replay.pipeline import Pipeline, Segment
 from scpf.replay.recording import Recording
 from scpf.replay.recording_images import SharedImages
+from scpf.replay.rehearsal import rehearse
 from scpf.replay.remarks import Remarks
 from scpf.replay.results import Results
 from scpf.replay.segmenters import RECORDED, build, reads_pixels
@@ -59,6 +60,7 @@ def replay(
     with threadpool_limits(1, "blas"), DriveLog(log_path) as log, ExitStack() as files:
         drive = Drive.of(log, settings)
         configured = configuration(log, drive, settings, window, pace)
+        rehearse(settings, drive)
         remarks = Remarks(drive.warnings(), None if drive.model is None else drive.model.landmark_classes)
         controls = controls or Controls()
         clock = Pace(pace, sleep=controls.sleep)

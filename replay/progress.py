@@ -26,6 +26,8 @@ class Progress:
         self._line = ""
 
     def __enter__(self) -> Progress:
+        self._line = "getting ready (the first replay on a machine compiles for some 15 s)"
+        self._draw()
         return self
 
     def __exit__(
