@@ -76,7 +76,7 @@ def train_segmenter(
     classes
         A label that means a light pole (default: light_pole); repeat it.
     scenes
-        Also train on this many painted street scenes, and hold out a tenth as many more.
+        Also train on this many painted street scenes, and hold out a tenth as many more unless --validate is given.
     scenes_folder
         Where the painted scenes are kept.
     steps

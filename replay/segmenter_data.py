@@ -35,7 +35,7 @@ def gather(
     painted: tuple[int, Path],
     report: Callable[[str], None],
 ) -> TrainingPictures:
-    """The pictures of ``data``, divided unless ``validate`` names others, and so many ``painted`` scenes in a folder.
+    """The pictures of ``data``, and so many ``painted`` scenes in a folder; divided unless ``validate`` names others.
 
     Raises UsageError where there is nothing to train on, and what the readers raise.
     """
@@ -53,11 +53,12 @@ def gather(
         counted.append(f"{len(rest)} pictures of {path.name}")
     if scenes:
         # Seeds of the held-out scenes lie apart, so that a larger --scenes never trains on them.
-        for name, seeds in (("train", range(scenes)), ("held_out", _apart(scenes))):
+        parts = {"train": range(scenes)} | ({} if validate else {"held_out": _apart(scenes)})
+        for name, seeds in parts.items():
             report(f"painting {len(seeds)} scenes into {folder / name}")
             write_scenes(folder / name, seeds)
         training.append([*ids_images(folder / "train")])
-        judged += ids_images(folder / "held_out")
+        judged += [] if validate else ids_images(folder / "held_out")
         counted.append(f"{scenes} painted scenes")
     if len(judged) < 2:
         raise UsageError("fewer than two pictures are held out to judge by", "give --validate, or label more")

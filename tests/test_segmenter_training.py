@@ -22,6 +22,7 @@ from scpf.models.labelled_images import LabelledImage, ids_images
 from scpf.models.polenet_training import BEST, STATE, TrainingSettings, train
 from scpf.models.polenet_validation import average_precision
 from scpf.replay.cli import run
+from scpf.replay.segmenter_data import gather
 from scpf.replay.training_run import TrainingRun
 from scpf.sample_logs.street_scenes import scene
 
@@ -219,3 +220,13 @@ def test_what_cannot_be_trained_on_is_said(
     assert run(["train", "segmenter", str(scenes), *output, "--held-out", "1.5"]) == 2
     assert run(["train", "segmenter", str(tmp_path / "none"), *output]) == 1
     assert "no such folder" in capsys.readouterr().err
+
+
+def test_pictures_to_judge_by_take_the_place_of_held_out_scenes(scenes: Path, tmp_path: Path) -> None:
+    painted = (1, tmp_path / "painted")
+    alone = gather([], [], ["light_pole"], 0.2, 0, painted, lambda line: None)
+    assert [len(images) for images in alone.training] == [1] and len(alone.held_out) == 8
+    judged = gather([], [scenes], ["light_pole"], 0.2, 0, (1, tmp_path / "more"), lambda line: None)
+    assert [len(images) for images in judged.training] == [1]
+    assert {image.path.parent for image in judged.held_out} == {scenes}
+    assert not (tmp_path / "more" / "held_out").exists()
