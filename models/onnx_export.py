@@ -17,7 +17,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from scpf.models import polenet
+from scpf.models import polenet, polenet_inference
 from scpf.models.errors import MissingError, UsageError
 from scpf.models.instances import Image
 from scpf.models.onnx_segmenter import FORMAT, FORMAT_VERSION, INPUT, OUTPUTS
@@ -93,7 +93,7 @@ def _write(model: Any, output: Path) -> None:
 
 
 def _trace(net: polenet.PoleNet, path: Path) -> None:
-    traced = _WholePoleNet(polenet.fold_batch_norm(net)).eval()
+    traced = _WholePoleNet(polenet_inference.fold_batch_norm(net)).eval()
     example = torch.zeros(1, *_EXAMPLE_PX, 3, dtype=torch.uint8)
     height, width = torch.export.Dim("height_cells"), torch.export.Dim("width_cells")
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it tells of torchvision's absence, line by line

@@ -13,18 +13,15 @@ shuffle of the 1/2 level. H and W are multiples of 32 (`segmentation.STRIDE_PX`)
 
 from __future__ import annotations
 
-import copy
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import numpy as np
 import torch
 import torch.nn.functional as F
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
-from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from scpf.models.errors import InputError, MissingError
 from scpf.models.grouping import ScoreCalibration
@@ -73,7 +70,7 @@ class _RowColumnContext(nn.Module):
 
 
 class PoleNet(nn.Module):
-    """The network; input (B, 3, H, W) as `to_input` makes it, outputs as the module says."""
+    """The network; input (B, 3, H, W) as `polenet_inference.to_input` makes it, outputs as the module says."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -99,6 +96,11 @@ class PoleNet(nn.Module):
         nn.init.constant_(self.centre[-1].bias, -4.0)  # type: ignore[arg-type]
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        fine, centre, offsets = self.heads(x)
+        return F.pixel_shuffle(fine, 2), centre, offsets
+
+    def heads(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """As the call, but the mask still as (B, 4, H/2, W/2): the four pixels of each cell, row by row."""
         levels = []
         for stage in self.stages:
             x = stage(x)
@@ -112,52 +114,7 @@ class PoleNet(nn.Module):
                 eighth = pyramid
         up = F.interpolate(self.fine_up(pyramid), scale_factor=2.0, mode="bilinear", align_corners=False)
         fine = self.fine(F.relu(up.add_(self.fine_low(levels[0])), inplace=True))
-        return F.pixel_shuffle(self.mask(fine), 2), self.centre(eighth), self.offsets(pyramid)
-
-
-def to_input(
-    images: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], device: torch.device | str = "cpu"
-) -> Tensor:
-    """Network input (B, 3, H, W) of images (B, H, W, 3), uint8 RGB, on ``device``."""
-    x = torch.from_numpy(images).to(device).permute(0, 3, 1, 2).float()
-    x = x.div_(255).sub_(PIXEL_MEAN).div_(PIXEL_DEVIATION)
-    return x.contiguous(memory_format=torch.channels_last)
-
-
-def fold_batch_norm(net: PoleNet) -> PoleNet:
-    """A copy for inference in which every batch norm is part of the convolution before it."""
-    folded = copy.deepcopy(net).eval()
-    for block in list(folded.modules()):
-        if not isinstance(block, nn.Sequential):
-            continue
-        for i in range(len(block) - 1):
-            convolution, norm = block[i], block[i + 1]
-            if isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
-                block[i] = fuse_conv_bn_eval(convolution, norm)
-                block[i + 1] = nn.Identity()
-    return folded
-
-
-def has_fast_bfloat16() -> bool:
-    """Whether the CPU computes bfloat16 itself; emulated, it would be slower than single precision."""
-    supported = getattr(torch.cpu, "_is_avx512_bf16_supported", None)  # not in every torch
-    return bool(supported and supported())
-
-
-def channels_last(net: PoleNet) -> PoleNet:
-    """The same network with its weights laid out as CPUs compute convolutions fastest."""
-    net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs leave it out
-    return net
-
-
-def for_inference(net: PoleNet, *, bfloat16: bool = False) -> PoleNet:
-    """A folded copy, laid out for the CPU.
-
-    Single precision finds the same instances on every machine; bfloat16 halves the time on CPUs that compute it
-    themselves, and moves scores and outlines a little.
-    """
-    folded = channels_last(fold_batch_norm(net))
-    return folded.to(torch.bfloat16) if bfloat16 else folded
+        return self.mask(fine), self.centre(eighth), self.offsets(pyramid)
 
 
 NOT_CALIBRATED = ScoreCalibration(1.0, 0.0, 0.0, 0.0)  # the score is the centre's peak

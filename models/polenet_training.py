@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from scpf.models import polenet, polenet_validation
+from scpf.models import polenet, polenet_inference, polenet_validation
 from scpf.models.labelled_images import LabelledImage
 from scpf.models.polenet_losses import loss
 from scpf.models.polenet_samples import Sample, make_sample
@@ -41,7 +41,7 @@ class TrainingSettings:
 
     steps: int = 1500
     batch: int = 8
-    sizes_px: tuple[tuple[int, int], ...] = ((640, 480), (768, 384))
+    sizes_px: tuple[tuple[int, int], ...] = ((640, 480), (768, 384), (480, 768))
     learning_rate: float = 3e-3
     warm_up_steps: int = 60
     weight_decay: float = 1e-2
@@ -123,7 +123,7 @@ def begin(settings: TrainingSettings) -> TrainingState:
     """A network with random weights, or those to start from, before its first step."""
     device = torch.device(settings.device)
     net = polenet.load(settings.start)[0] if settings.start else polenet.PoleNet()
-    net = polenet.channels_last(net).to(device).train()
+    net = polenet_inference.channels_last(net).to(device).train()
     rate, decay = settings.learning_rate, settings.weight_decay
     optimizer = torch.optim.AdamW(net.parameters(), rate, weight_decay=decay)
     # Half floats of 16 bits overflow without a scale; bfloat16 needs none.
@@ -135,7 +135,7 @@ def amp_type(device: torch.device) -> torch.dtype | None:
     """The type of automatic mixed precision that a device computes fast; None for single precision throughout."""
     if device.type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
-    return torch.bfloat16 if device.type == "cpu" and polenet.has_fast_bfloat16() else None
+    return torch.bfloat16 if device.type == "cpu" and polenet_inference.has_fast_bfloat16() else None
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def _judged(
     net: polenet.PoleNet, held_out: Sequence[LabelledImage], about: polenet.WeightsInfo, part: slice
 ) -> polenet.WeightsInfo:
     """``about`` with the calibration of every other image, and the figures of a part of them."""
-    judged = polenet_validation.judge(polenet.for_inference(net), held_out)
+    judged = polenet_validation.judge(polenet_inference.for_inference(net), held_out)
     calibration = judged.fit_calibration(np.s_[0::2])
     return replace(about, calibration=calibration, figures=judged.figures(calibration, part))
 
@@ -191,7 +191,7 @@ def _set_learning_rate(state: TrainingState, settings: TrainingSettings, progres
 def training_step(state: TrainingState, batch: Sequence[Sample], gradient_norm: float) -> Losses:
     """One step of the optimizer; the losses before it."""
     device = next(state.net.parameters()).device
-    inputs = polenet.to_input(np.stack([sample.image for sample in batch]), device)
+    inputs = polenet_inference.to_input(np.stack([sample.image for sample in batch]), device)
     truth = [torch.from_numpy(np.stack(maps)).to(device) for maps in list(zip(*batch, strict=True))[1:]]
     kind = amp_type(device)
     with torch.autocast(device.type, dtype=kind or torch.float32, enabled=kind is not None):

@@ -11,7 +11,7 @@ import torch
 from painted_scenes import write_painted_scenes
 from safetensors.torch import save_file
 
-from scpf.models import polenet
+from scpf.models import polenet, polenet_inference
 from scpf.models.errors import InputError, MissingError
 from scpf.models.grouping import OFFSET_CELL_PX, OFFSET_SCALE_PX, Candidate, ScoreCalibration, logit
 from scpf.models.labelled_images import ids_images
@@ -53,7 +53,7 @@ def test_outputs_have_the_promised_sizes(net: polenet.PoleNet) -> None:
 
 
 def test_folding_the_batch_norms_changes_nothing(net: polenet.PoleNet) -> None:
-    folded = polenet.fold_batch_norm(net)
+    folded = polenet_inference.fold_batch_norm(net)
     assert not any(isinstance(module, torch.nn.BatchNorm2d) for module in folded.modules())
     x = torch.randn(1, 3, 64, 96)
     with torch.inference_mode():

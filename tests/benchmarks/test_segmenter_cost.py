@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import torch
 
-from scpf.models import polenet, segmentation
+from scpf.models import polenet_inference, segmentation
 from scpf.models.instances import Instance
 from scpf.models.maskrcnn import MaskRCNN, for_inference
 from scpf.models.maskrcnn_conventions import TORCHVISION, CheckpointSettings
@@ -45,7 +45,7 @@ Call = Callable[[], Any]
 def segmenters(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("onnx")
     found: dict[str, Any] = {"torch float32": segmentation.load("polenet", threads=1)}
-    if polenet.has_fast_bfloat16():
+    if polenet_inference.has_fast_bfloat16():
         found["torch bfloat16"] = segmentation.load("polenet", threads=1, bfloat16=True)
     for precision in ("float32", "int8"):
         path = folder / f"{precision}.onnx"
@@ -142,7 +142,7 @@ def test_mask_rcnn_beside_it(size_px: tuple[int, int]) -> None:
     torch.set_num_threads(1)
     encoded = jpeg(size_px)
     dtypes = {"float32": torch.float32}
-    if polenet.has_fast_bfloat16():
+    if polenet_inference.has_fast_bfloat16():
         dtypes["bfloat16"] = torch.bfloat16
     for name, dtype in dtypes.items():
         net = for_inference(MaskRCNN(1, TORCHVISION).eval(), torch.device("cpu"), dtype)
