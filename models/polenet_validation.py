@@ -124,8 +124,9 @@ def _judge_image(net: PoleNet, image: NDArray[np.uint8], ids: Ids) -> JudgedImag
     framed, shown_px = frame(image)
     with torch.inference_mode():
         mask, centre, offsets = maps(net, framed)
+    mask = mask[: shown_px[1], : shown_px[0]]  # nothing is found in the padding
     truth = np.asarray(cv2.resize(ids, shown_px, interpolation=cv2.INTER_NEAREST), np.uint8)
-    seen = mask[: shown_px[1], : shown_px[0]] > 0.5
+    seen = mask > 0.5
     poles = (truth > 0) & (truth < IGNORED_ID)
     judged = truth != IGNORED_ID
     poles_there = {

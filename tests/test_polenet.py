@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -17,7 +18,7 @@ from scpf.models.grouping import OFFSET_CELL_PX, OFFSET_SCALE_PX, Candidate, Sco
 from scpf.models.labelled_images import ids_images
 from scpf.models.polenet_samples import Sample, make_sample, targets
 from scpf.models.polenet_training import TrainingSettings, begin, training_step
-from scpf.models.polenet_validation import JudgedImage, Judgement, Verdict, is_detection, match
+from scpf.models.polenet_validation import JudgedImage, Judgement, Verdict, is_detection, judge, match
 
 CALIBRATION = ScoreCalibration(1.5, 0.5, 0.25, -1.0)
 
@@ -164,6 +165,20 @@ def test_calibration_recovers_the_share_of_candidates_that_are_right() -> None:
         [calibration.probability(v.candidate.centre, 0.8, v.candidate.height_px) for v in verdicts]
     )
     assert scores.mean() == pytest.approx(np.mean([v.detected for v in verdicts]), abs=0.02)
+
+
+def test_what_lies_in_the_padding_is_nothing(net: polenet.PoleNet, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.jpg"), np.full((100, 128, 3), 90, np.uint8))  # 28 rows are added
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((100, 128), np.uint8))
+    fine, centre, offsets = net.heads(torch.zeros(1, 3, 128, 128))
+    fine[:, :, :] = -9.0
+    fine[:, :, 52:64, 20:24] = 9.0
+    centre[:] = -9.0
+    centre[0, 0, 14, 5] = 9.0
+    offsets[:] = 0.0
+    net.heads = lambda x: (fine, centre, offsets)  # type: ignore[method-assign]
+    (judged,) = judge(net, ids_images(tmp_path)).images
+    assert judged.verdicts == []
 
 
 def test_a_mask_that_is_too_wide_is_a_detection_and_no_good_mask() -> None:
