@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 
 from scpf.models.instances import Instance
 from scpf.replay.pipeline import Segment
+from scpf.replay.stages import failure
 from scpf.replay.step import Frame
 
 FAILED: Final = "segmentation that failed"
@@ -73,7 +74,7 @@ class Ahead:
     def _run(self, frame: Frame) -> _Segmented:
         begun = time.perf_counter()
         try:
-            instances, failure = self._segment(frame), ""
+            instances, failed = self._segment(frame), ""
         except Exception as error:  # one bad frame, whatever is wrong with it, must not end the replay
-            instances, failure = (), f"{type(error).__name__}: {error}"
-        return _Segmented(instances, time.perf_counter() - begun, failure)
+            instances, failed = (), failure(error)
+        return _Segmented(instances, time.perf_counter() - begun, failed)

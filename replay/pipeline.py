@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -25,7 +22,8 @@ from scpf.replay.kalman_tracker import KalmanTracker
 from scpf.replay.lasting_tracker import LastingTracker
 from scpf.replay.settings import Settings
 from scpf.replay.soft_constraints import soft_constraints
-from scpf.replay.step import Errors, Frame, Step
+from scpf.replay.stages import Stages
+from scpf.replay.step import Errors, Frame, Step, Surface
 from scpf.replay.surface import constraint_surface
 from scpf.replay.surface_terms import surface_terms
 
@@ -112,7 +110,6 @@ class Pipeline:
         )
         self._belief: Belief | None = None
         self._just_started = False
-        self._constraints = partial(soft_constraints, settings, self._map)
 
     def start(self, mean: Array) -> None:
         """Draw both filters' first particles around the state ``mean`` [x, y, vx, vy] at the next frame's time."""
@@ -130,31 +127,39 @@ class Pipeline:
 
     def step(self, frame: Frame) -> Step:
         """Everything that one frame leads to."""
-        timing: dict[str, float] = {}
-        with _timed(timing, "segmentation"):
+        stages = Stages()
+        with stages.timed("segmentation"):
             instances = self._segment(frame)
-        with _timed(timing, "distance"):
-            observations, unmeasured = self._observe(instances, frame.stamp_ns)
+        with stages.timed("distance"):
+            observations, unmeasured = stages.attempt(
+                "distance", lambda: self._observe(instances, frame.stamp_ns), lambda: ([], list(instances))
+            )
         if self._belief is None:
-            return self._unlocated(frame, observations, unmeasured, timing)
-        with _timed(timing, "filter"):
+            return self._unlocated(stages.told(frame), observations, unmeasured, stages.timing_s)
+        with stages.timed("filter"):
             dt_s = 0.0 if self._just_started else frame.dt_s
             predicted = self._filter.predict(dt_s)
             self._baseline.predict(dt_s)
-            matches = self._match(observations, predicted)
-            yaw, exponent = self._yaw(predicted), self._filter.exponent
-            constraints = self._constraints(observations, matches, predicted, yaw, exponent)
+            matches, constraints = stages.attempt(
+                "matching",
+                lambda: self._constrain(observations, predicted),
+                lambda: ([Match("", "matching failed")] * len(observations), []),
+            )
             fix = None if frame.gps_m is None else PositionFix(frame.gps_m, frame.gps_variance_m2)
-            belief = self._filter.update(constraints, fix)
+            belief = stages.attempt(
+                "filter", lambda: self._filter.update(constraints, fix), lambda: self._filter.update([], fix)
+            )
             baseline = self._baseline.update([], fix)
-        with _timed(timing, "surface"):
-            surface = constraint_surface(constraints, belief.mean, self.settings.surface)
-            if self.settings.surface.terms:
-                surface = replace(surface, terms=surface_terms(constraints, fix, belief.mean, surface))
+        with stages.timed("surface"):
+            surface = stages.attempt(
+                "constraint surface",
+                lambda: self._surface(constraints, fix, belief.mean),
+                lambda: self._surface([], None, belief.mean),
+            )
         self._belief, self._just_started = belief, False
         truths = self._truths(observations, frame)
         return Step(
-            frame=frame,
+            frame=stages.told(frame),
             observations=tuple(observations),
             unmeasured=tuple(unmeasured),
             matches=tuple(matches),
@@ -165,7 +170,7 @@ class Pipeline:
             surface=surface,
             errors=Errors.of(belief, frame),
             baseline_errors=Errors.of(baseline, frame),
-            timing_s=timing,
+            timing_s=stages.timing_s,
         )
 
     def _unlocated(
@@ -209,14 +214,25 @@ class Pipeline:
                 observations.append(Observation(instance, distance, float(bearing)))
         return observations, unmeasured
 
-    def _match(self, observations: Sequence[Observation], predicted: Array) -> list[Match]:
-        """The landmark of each observation, sought around the predicted state."""
+    def _constrain(
+        self, observations: Sequence[Observation], predicted: Array
+    ) -> tuple[list[Match], list[Constraint]]:
+        """The landmark of each observation, sought around the predicted state, and the constraints about it."""
         if self._belief is None:
             raise RuntimeError("start() comes first")
-        yaw = self._yaw(predicted)
-        return self.settings.matching.match(
-            observations, self._map, predicted[:2], self._belief.covariance[:2, :2], yaw
+        yaw, exponent = self._yaw(predicted), self._filter.exponent
+        around = self._belief.covariance[:2, :2]
+        matches = self.settings.matching.match(observations, self._map, predicted[:2], around, yaw)
+        return matches, soft_constraints(
+            self.settings, self._map, observations, matches, predicted, yaw, exponent
         )
+
+    def _surface(self, constraints: Sequence[Constraint], fix: PositionFix | None, mean: Array) -> Surface:
+        """The constraint surface around the ``mean`` state, with each constraint by itself where that is asked for."""
+        surface = constraint_surface(constraints, mean, self.settings.surface)
+        if not self.settings.surface.terms:
+            return surface
+        return replace(surface, terms=surface_terms(constraints, fix, mean, surface))
 
     def _yaw(self, state: Array) -> float:
         """A state's own heading (rad); where it has none, the road's near it, else that of its velocity."""
@@ -230,11 +246,3 @@ class Pipeline:
         if frame.T_map_body is None or self._camera is None or not self._map.landmarks:
             return [Label("", None, "no reference")] * len(observations)
         return label([o.instance for o in observations], self._camera, frame.T_map_body, self._map)
-
-
-@contextmanager
-def _timed(timing: dict[str, float], stage: str) -> Iterator[None]:
-    """Add the seconds that the block took to ``timing[stage]``."""
-    begun = time.perf_counter()
-    yield
-    timing[stage] = timing.get(stage, 0.0) + time.perf_counter() - begun

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 import pytest
 
 from scpf.models.camera import Camera, looking_ahead
-from scpf.models.constraints import LandmarkConstraint, SpeedConstraint, total_violation
+from scpf.models.constraints import Constraint, LandmarkConstraint, SpeedConstraint, total_violation
 from scpf.models.instances import Instance, foot_px, instance_from_mask
 from scpf.models.observation import Distance
+from scpf.models.particle_filter import Belief, ParticleFilter, PositionFix
 from scpf.models.road_map import Landmark, RoadMap
 from scpf.replay.pipeline import Pipeline
 from scpf.replay.settings import PRESETS, ConstraintSettings, Settings, SurfaceSettings
@@ -193,3 +195,50 @@ def test_the_same_seed_gives_the_same_steps() -> None:
     one, same, other = (drive(replace(Settings(), seed=seed), count=8) for seed in (3, 3, 4))
     np.testing.assert_array_equal(one[-1].belief.states, same[-1].belief.states)
     assert not np.array_equal(one[-1].belief.states, other[-1].belief.states)
+
+
+def broken(*given: object) -> NoReturn:
+    raise ZeroDivisionError("nothing to divide by")
+
+
+@pytest.mark.parametrize(
+    ("stage", "kind"),
+    [
+        ("_observe", "distance that failed"),
+        ("_constrain", "matching that failed"),
+        ("_surface", "constraint surface that failed"),
+    ],
+)
+def test_a_stage_that_fails_on_a_frame_is_told_and_the_replay_goes_on(
+    monkeypatch: pytest.MonkeyPatch, stage: str, kind: str
+) -> None:
+    whole, count = getattr(Pipeline, stage), 0
+
+    def fails_once(self: Pipeline, *given: object) -> object:
+        nonlocal count
+        count += 1
+        return broken() if count == 4 else whole(self, *given)
+
+    monkeypatch.setattr(Pipeline, stage, fails_once)
+    steps = drive(Settings(), count=8)
+    told = [step.frame.problems for step in steps]
+    assert told[3] == ((kind, "ZeroDivisionError: nothing to divide by"),)
+    assert not any(told[:3] + told[4:])
+    assert all(len(step.matches) == len(step.observations) for step in steps)
+    assert steps[3].state == ("tracking" if stage == "_surface" else "unconstrained")
+    assert steps[-1].state == "tracking"
+
+
+def test_a_filter_that_fails_on_the_constraints_goes_on_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = ParticleFilter.update
+
+    def fails_on_landmarks(
+        self: ParticleFilter, constraints: Sequence[Constraint], fix: PositionFix
+    ) -> Belief:
+        return broken() if len(constraints) > 3 else whole(self, constraints, fix)
+
+    monkeypatch.setattr(ParticleFilter, "update", fails_on_landmarks)
+    steps = drive(Settings(), count=8)
+    failed = [step for step in steps if step.frame.problems]
+    assert failed and all(step.frame.problems[0][0] == "filter that failed" for step in failed)
+    assert {step.state for step in failed} == {"unconstrained"}
