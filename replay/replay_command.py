@@ -25,6 +25,7 @@ def replay(
     device: Literal["auto", "cpu", "cuda", "mps"] | None = None,
     distance_model: str | None = None,
     gps: Literal["auto", "log", "emulated", "none"] | None = None,
+    no_gps: Annotated[bool, Parameter(negative="")] = False,
     gps_sigma: float | None = None,
     seed: int | None = None,
     gps_outage: Annotated[tuple[str, ...], Parameter(negative="")] = (),
@@ -54,7 +55,7 @@ def replay(
 
         scpf replay sample_logs/ring_road.mcap -o out
 
-        scpf replay drive.mcap -o out --name no-gps --gps none --segmenter recorded
+        scpf replay drive.mcap -o out --name no-gps --no-gps --segmenter recorded
 
         scpf replay drive.mcap -o out --rate 13 --gps-outage 20:80
 
@@ -91,6 +92,8 @@ def replay(
     gps
         Where the rough GPS comes from: the log, the disturbed reference, or nowhere after the start. By default
         (`auto`) the log where it has one, else the reference.
+    no_gps
+        The same as --gps none.
     gps_sigma
         Standard deviation a axis of the emulated GPS, m. By default 3.
     seed
@@ -144,6 +147,9 @@ def replay(
     from scpf.replay.settings_file import read_settings, to_toml
 
     settings = settings_of(preset or "paper") if config is None else read_settings(config, preset)
+    if no_gps and gps not in (None, "none"):
+        raise UsageError(f"--gps {gps} --no-gps: either, or")
+    gps = "none" if no_gps else gps
     outages_s = tuple(options.interval(text) for text in gps_outage) or None
     typed = {
         "segmenter": segmenter,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 import shutil
 import subprocess
 import sys
@@ -40,6 +41,11 @@ def test_rate_and_outage_reach_the_results(tmp_path: Path, capsys: pytest.Captur
     assert summary["rate"]["frames_per_s"] > 0
 
 
+def test_no_gps_is_no_gps(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["replay", "--no-gps", "--show-config"]) == 0
+    assert tomllib.loads(capsys.readouterr().out)["gps"]["source"] == "none"
+
+
 @pytest.mark.parametrize(
     "options",
     [
@@ -52,6 +58,7 @@ def test_rate_and_outage_reach_the_results(tmp_path: Path, capsys: pytest.Captur
         [str(SAMPLE), "--duration", "0"],
         [str(SAMPLE), "--start", "3", "--stop", "3"],
         [str(SAMPLE), "--loop", "0"],
+        [str(SAMPLE), "--gps", "log", "--no-gps"],
     ],
     ids=" ".join,
 )
