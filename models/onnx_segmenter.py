@@ -42,7 +42,7 @@ class OnnxSegmenter:
         )
 
     def maps(self, framed: Image) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-        """As `scpf.models.segmentation.maps`."""
+        """As `scpf.models.polenet_inference.maps`."""
         mask, centre, offsets = self._session.run(OUTPUTS, {INPUT[0]: framed[None]})
         return mask[0, 0], centre[0, 0], offsets[0]
 

@@ -6,9 +6,11 @@ import copy
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
+from scpf.models.instances import Image
 from scpf.models.polenet import PIXEL_DEVIATION, PIXEL_MEAN, PoleNet
 
 
@@ -55,3 +57,34 @@ def for_inference(net: PoleNet, *, bfloat16: bool = False) -> PoleNet:
     """
     folded = channels_last(fold_batch_norm(net))
     return folded.to(torch.bfloat16) if bfloat16 else folded
+
+
+Maps = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+
+
+def maps(net: PoleNet, framed: Image) -> Maps:
+    """Probabilities of mask (h, w) and centre (h/8, w/8), offsets (2, h/4, w/4) of one framed image (h, w, 3)."""
+    return batch_maps(net, framed[None])[0]
+
+
+def batch_maps(net: PoleNet, framed: NDArray[np.uint8]) -> list[Maps]:
+    """`maps` of each of several framed images (B, h, w, 3)."""
+    with torch.inference_mode():
+        x = to_input(framed, next(net.parameters()).device).to(next(net.parameters()).dtype)
+        fine, centre, offsets = net.heads(x)
+        of_each = zip(
+            fine.float().sigmoid().cpu().numpy(),
+            centre[:, 0].float().sigmoid().cpu().numpy(),
+            offsets.float().cpu().numpy(),
+            strict=True,
+        )
+        return [(interleaved(mask), peaks, aims) for mask, peaks, aims in of_each]
+
+
+def interleaved(fine: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The map (2 h, 2 w) of four (4, h, w), the pixels of each cell row by row: torch's pixel shuffle, only faster."""
+    _, height, width = fine.shape
+    whole = np.empty((2 * height, 2 * width), np.float32)
+    for k in range(4):
+        whole[k // 2 :: 2, k % 2 :: 2] = fine[k]
+    return whole

@@ -20,7 +20,8 @@ from scipy import ndimage
 from scpf.models.grouping import Candidate, ScoreCalibration, group, logit
 from scpf.models.labelled_images import IGNORED_ID, Ids, LabelledImage
 from scpf.models.polenet import NOT_CALIBRATED, PoleNet
-from scpf.models.segmentation import frame, maps
+from scpf.models.polenet_inference import maps
+from scpf.models.segmentation import frame
 
 LEAST_OVERLAP = 0.5  # intersection over union of the masks that counts as found
 WIDENING_PX = 2  # a detection lies mostly on the true mask when that is so much wider on either side,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from scpf.models.errors import MissingError
+from scpf.models.errors import MissingError, UsageError
 from scpf.models.instances import Image, Instance, Segmenter
 
 if TYPE_CHECKING:
@@ -117,9 +117,20 @@ class PoleNetSegmenter:
 
     def __call__(self, image: Image) -> list[Instance]:
         """Instances with a calibrated score of at least the threshold, masks at the resolution of ``image``."""
-        framed, shown_px = frame(image)
-        found = maps(self._net, framed)
-        return instances(*found, image.shape[:2], shown_px, self.info.calibration, self.threshold)
+        return self.batch([image])[0]
+
+    def batch(self, images: Sequence[Image]) -> list[list[Instance]]:
+        """The instances of each of several images of one size, in one pass of the network."""
+        from scpf.models.polenet_inference import batch_maps
+
+        if len({image.shape for image in images}) > 1:
+            raise UsageError("images of different sizes in one batch")
+        framed = [frame(image) for image in images]
+        found = batch_maps(self._net, np.stack([each for each, _ in framed])) if framed else []
+        return [
+            instances(*each, image.shape[:2], shown_px, self.info.calibration, self.threshold)
+            for each, image, (_, shown_px) in zip(found, images, framed, strict=True)
+        ]
 
 
 def instances(
@@ -131,9 +142,9 @@ def instances(
     calibration: ScoreCalibration,
     threshold: float,
 ) -> list[Instance]:
-    """Instances of PoleNet's maps (as `maps` gives them) in an image of ``size`` (height, width), best score first.
+    """Instances of PoleNet's maps in an image of ``size`` (height, width), best score first.
 
-    ``shown_px``: (width, height) of the maps that the image fills, as `frame` gives it.
+    The maps are as `polenet_inference.maps` gives them. ``shown_px``: (width, height) of them that the image fills, as `frame` gives it.
     """
     from scpf.models.grouping import group
 
@@ -164,28 +175,6 @@ def frame(image: Image) -> tuple[Image, tuple[int, int]]:
         grey = (PADDING_GREY,) * 3
         small = cv2.copyMakeBorder(small, 0, below, 0, right, cv2.BORDER_CONSTANT, value=grey)
     return np.ascontiguousarray(small), shown
-
-
-def maps(net: PoleNet, framed: Image) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Probabilities of mask (h, w) and centre (h/8, w/8), offsets (2, h/4, w/4) of one framed image."""
-    import torch
-
-    from scpf.models.polenet_inference import to_input
-
-    with torch.inference_mode():
-        x = to_input(framed[None]).to(next(net.parameters()))  # its device and precision
-        fine, centre, offsets = net.heads(x)
-        fine, centre = fine[0].float().sigmoid(), centre[0, 0].float().sigmoid()
-        return interleaved(fine.cpu().numpy()), centre.cpu().numpy(), offsets[0].float().cpu().numpy()
-
-
-def interleaved(fine: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The map (2 h, 2 w) of four (4, h, w), the pixels of each cell row by row: torch's pixel shuffle, only faster."""
-    _, height, width = fine.shape
-    whole = np.empty((2 * height, 2 * width), np.float32)
-    for k in range(4):
-        whole[k // 2 :: 2, k % 2 :: 2] = fine[k]
-    return whole
 
 
 def at_full_resolution(candidate: Candidate, scale: tuple[float, float], score: float) -> Instance | None:

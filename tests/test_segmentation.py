@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scpf.models import segmentation
-from scpf.models.errors import MissingError
+from scpf.models.errors import MissingError, UsageError
 from scpf.models.grouping import Candidate
 from scpf.models.instances import Image, Instance
 from scpf.sample_logs.street_scenes import scene
@@ -101,6 +101,18 @@ def test_twice_the_resolution_gives_the_same_poles(segmenter: segmentation.PoleN
     for large, small in zip(twice, once, strict=True):
         assert large.box_px == pytest.approx([2 * v for v in small.box_px], abs=6)
         assert large.score == pytest.approx(small.score, abs=0.02)
+
+
+def test_a_batch_gives_what_each_picture_gives(segmenter: segmentation.PoleNetSegmenter) -> None:
+    pictures = [scene_rgb(seed, (1024, 768))[0] for seed in (900_000, 900_009)]
+    assert segmenter.batch([]) == []
+    for found, picture in zip(segmenter.batch(pictures), pictures, strict=True):
+        alone = segmenter(picture)
+        assert [each.box_px for each in found] == [each.box_px for each in alone]
+        np.testing.assert_allclose([e.score for e in found], [e.score for e in alone], atol=1e-4)
+    assert sum(map(len, segmenter.batch(pictures))) > 0
+    with pytest.raises(UsageError, match="sizes"):
+        segmenter.batch([pictures[0], pictures[1][:, :320]])
 
 
 def test_an_empty_picture_holds_nothing(segmenter: segmentation.PoleNetSegmenter) -> None:

@@ -62,7 +62,7 @@ def jpeg(size_px: tuple[int, int]) -> bytes:
 def network(segmenter: Any, framed: np.ndarray) -> tuple[np.ndarray, ...]:
     if isinstance(segmenter, OnnxSegmenter):
         return segmenter.maps(framed)
-    return segmentation.maps(segmenter._net, framed)
+    return polenet_inference.maps(segmenter._net, framed)
 
 
 def _found_in(segmenter: Any, encoded: bytes) -> list[Instance]:
