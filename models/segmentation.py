@@ -144,7 +144,8 @@ def instances(
 ) -> list[Instance]:
     """Instances of PoleNet's maps in an image of ``size`` (height, width), best score first.
 
-    The maps are as `polenet_inference.maps` gives them. ``shown_px``: (width, height) of them that the image fills, as `frame` gives it.
+    The maps are as `polenet_inference.maps` gives them. ``shown_px``: (width, height) of them that the
+    image fills, as `frame` gives it.
     """
     from scpf.models.grouping import group
 
