@@ -12,7 +12,7 @@ from scpf.sample_logs.street_canvas import Canvas, Colour, Floats, Tube
 from scpf.sample_logs.street_looks import grey
 from scpf.sample_logs.street_objects import plate
 
-LEAST_LAMP_POST_M = 5.0  # park lanterns below are lamps, but hardly landmarks
+LEAST_LAMP_POST_M = 4.0  # park lanterns below are lamps, but hardly landmarks
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class LampDesign:
 
     @classmethod
     def random(cls, rng: np.random.Generator) -> LampDesign:
-        """A random make; half of them are slender posts with one short arm, the commonest in towns."""
-        style = str(rng.choice(["short", "arm", "double", "curve", "top"], p=[0.36, 0.2, 0.12, 0.16, 0.16]))
+        """A random make; slender posts with one short arm and low ones with a hood are the commonest in towns."""
+        style = str(rng.choice(["short", "arm", "double", "curve", "top"], p=[0.32, 0.18, 0.1, 0.14, 0.26]))
         arm = {
             "short": (0.2, 1.2),
             "arm": (1.0, 3.0),
@@ -43,7 +43,7 @@ class LampDesign:
             "curve": (0.8, 2.6),
             "top": (0.0, 0.1),
         }
-        heights = (3.6, 6.0) if style == "top" and rng.random() < 0.7 else (4.5, 11.0)
+        heights = (3.8, 6.0) if style == "top" and rng.random() < 0.7 else (4.5, 11.0)
         level = ((12, 70), (60, 150), (130, 245))[rng.choice(3, p=[0.42, 0.28, 0.3])]
         return cls(
             height_m=rng.uniform(*heights),
