@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scpf.models import pole_parts
 from scpf.models.instances import BoolMask
 
 Floats = NDArray[np.floating[Any]]
@@ -81,7 +82,8 @@ def group(mask: Floats, centre: Floats, offsets: Floats, mask_threshold: float =
     Pixels above ``mask_threshold`` point at a centre by their offset and go to the nearest peak.
     """
     peaks = _peaks(centre)
-    y, x = np.nonzero(mask > mask_threshold)
+    on_pole = mask > mask_threshold
+    y, x = np.nonzero(on_pole)
     if not len(peaks) or not len(y):
         return []
     peak_px = (peaks[:, ::-1] + 0.5) * CENTRE_CELL_PX
@@ -96,6 +98,7 @@ def group(mask: Floats, centre: Floats, offsets: Floats, mask_threshold: float =
         distance = ((aim_x - px) / CENTRE_DEVIATION_PX[0]) ** 2 + ((aim_y - py) / CENTRE_DEVIATION_PX[1]) ** 2
         nearer = distance < nearest
         nearest[nearer], owner[nearer] = distance[nearer], i
+    owner = pole_parts.join(on_pole, peak_px, y, x, owner)
     found = []
     for i, (row, column) in enumerate(peaks):
         own = owner == i

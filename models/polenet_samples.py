@@ -17,7 +17,8 @@ from scpf.models.labelled_images import IGNORED_ID, Ids, LabelledImage
 from scpf.models.segmentation import PADDING_GREY
 
 LEAST_HEIGHT_PX, LEAST_AREA_PX = 24, 30  # smaller instances are neither taught nor punished
-CENTRE_SPREAD_CELLS = (0.7, 1.2)  # x, y: deviation of the Gaussian on the centre map
+LEAST_SPREAD_CELLS = (0.7, 1.2)  # x, y: deviation of the Gaussian on the centre map,
+SPREAD_SHARE = (0.2, 0.1)  # and that of a large pole, as a share of its width at the centre and of its height
 
 FloatMap = NDArray[np.float32]
 
@@ -104,7 +105,7 @@ def targets(framed: Image, ids: Ids, shown_px: Sequence[int]) -> Sample:
         middle = centre_of(x, y, box[0].stop - box[0].start)
         centre_px = (corner + middle) * scale
         high, area = (box[0].stop - box[0].start) * scale[1], len(x) * scale.prod()
-        bump, peak = _bump(centre_px, cells)
+        bump, peak = _bump(centre_px, (area / high, high), cells)
         if high < LEAST_HEIGHT_PX or area < LEAST_AREA_PX:
             centre_valid[bump > 0.1] = 0
             continue
@@ -132,10 +133,18 @@ def _shrink(share: FloatMap, size_px: Sequence[int]) -> FloatMap:
     return np.asarray(cv2.resize(share, tuple(size_px), interpolation=method), np.float32)
 
 
-def _bump(centre_px: NDArray[np.float64], cells: tuple[int, int]) -> tuple[FloatMap, tuple[int, int]]:
-    """The Gaussian around the cell of a centre, and that cell (row, column)."""
+def _bump(
+    centre_px: NDArray[np.float64], size_px: tuple[float, float], cells: tuple[int, int]
+) -> tuple[FloatMap, tuple[int, int]]:
+    """The Gaussian around the cell of a centre, and that cell (row, column).
+
+    ``size_px``: (mean width, height) of the pole. Where half its height lies is seen the less exactly the taller it is.
+    """
     column, row = np.minimum(centre_px // CENTRE_CELL_PX, (cells[1] - 1, cells[0] - 1)).astype(int)
-    spread_x, spread_y = CENTRE_SPREAD_CELLS
+    spread_x, spread_y = (
+        max(least, share * size / CENTRE_CELL_PX)
+        for least, share, size in zip(LEAST_SPREAD_CELLS, SPREAD_SHARE, size_px, strict=True)
+    )
     across = np.exp(-((np.arange(cells[1]) - column) ** 2) / (2 * spread_x**2))
     down = np.exp(-((np.arange(cells[0]) - row) ** 2) / (2 * spread_y**2))
     return np.outer(down, across).astype(np.float32), (int(row), int(column))

@@ -79,3 +79,44 @@ def test_calibration_is_a_probability_that_grows_with_the_evidence() -> None:
     scores = [calibration.probability(p, 0.9, 100) for p in (0.0, 0.2, 0.5, 0.9, 1.0)]
     assert scores == sorted(scores)
     assert 0 < scores[0] < scores[-1] < 1
+
+
+@pytest.mark.parametrize(
+    ("poles", "count"),
+    [
+        ([(40, 46, 20, 120), (40, 46, 120, 220)], 1),  # two centres on one pole
+        ([(40, 46, 120, 220), (42, 48, 20, 120)], 1),  # a little aslant, and the higher peak below
+        ([(40, 46, 20, 100), (42, 48, 140, 220)], 1),  # something stands before its middle
+        ([(40, 46, 20, 120), (56, 62, 120, 220)], 2),  # not in one line
+        ([(40, 46, 20, 220), (60, 66, 60, 230)], 2),  # side by side
+        ([(40, 70, 20, 120), (52, 58, 120, 220)], 2),  # a trunk on a pole
+        ([(40, 46, 20, 60), (40, 46, 160, 220)], 2),  # too far apart for so short a part
+    ],
+)
+def test_parts_in_one_line_are_one_pole(poles: list[tuple[int, int, int, int]], count: int) -> None:
+    found = group(*pole_maps(poles, [0.9, 0.6]))
+    assert len(found) == count
+    if count == 1:
+        assert found[0].centre == pytest.approx(0.9)
+        assert found[0].height_px == max(y2 for *_, y2 in poles) - min(y1 for _, _, y1, _ in poles)
+        assert found[0].mask.sum() == sum((x2 - x1) * (y2 - y1) for x1, x2, y1, y2 in poles)
+
+
+def test_three_parts_are_one_pole_in_any_order_of_their_peaks() -> None:
+    parts = [(40, 46, 20, 80), (40, 46, 80, 150), (40, 46, 150, 220)]
+    for peaks in ([0.9, 0.6, 0.7], [0.6, 0.9, 0.7], [0.7, 0.6, 0.9]):
+        (whole,) = group(*pole_maps(parts, peaks))
+        assert whole.height_px == 200 and whole.centre == pytest.approx(0.9)
+
+
+def test_peaks_on_one_wide_pole_are_one_however_their_parts_are_cut() -> None:
+    mask, centre, offsets = pole_maps([(40, 72, 10, 250)], [0.9])
+    centre[6, 6] = 0.8  # a second peak above the first, 9 cells away
+    rows = np.arange(offsets.shape[1])[:, None]
+    columns = np.arange(offsets.shape[2])[None, :]
+    upper = rows < 30 + 2 * (columns - 14)  # aslant across the pole: the parts share many rows
+    aim = ((56 - (columns + 0.5) * OFFSET_CELL_PX) / 32, (52 - (rows + 0.5) * OFFSET_CELL_PX) / 64)
+    for axis in (0, 1):
+        offsets[axis] = np.where(upper, aim[axis], offsets[axis])
+    (whole,) = group(mask, centre, offsets)
+    assert whole.mask.sum() == 32 * 240
