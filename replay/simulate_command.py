@@ -22,6 +22,7 @@ def simulate(
     start_m: float = 0.0,
     duration: float = 10.0,
     stop_at_m: float | None = None,
+    rate: float | None = None,
     seed: int = 0,
     world_seed: int | None = None,
     weather: str = "random",
@@ -71,6 +72,9 @@ def simulate(
         Length of the drive in seconds.
     stop_at_m
         Where the bus stops for some seconds, in metres along the centre line.
+    rate
+        Pictures a second; 13 unless told. A long drive at 2 has many places for few pictures, as
+        `scpf train distance` needs them. Raw files are of a camera at 13.
     seed
         Seed of everything that is drawn.
     world_seed
@@ -117,6 +121,7 @@ def simulate(
         "--start-m": start_m != 0.0,
         "--duration": duration != 10.0,
         "--stop-at-m": stop_at_m is not None,
+        "--rate": rate is not None,
         "--world-seed": world_seed is not None,
         "--map-error": map_error != 1.5,
         "--gps-sigma": gps_sigma != 3.0,
@@ -125,6 +130,8 @@ def simulate(
     odd = [name for name, is_given in drive_only.items() if is_given]
     if labels is not None and odd:
         raise UsageError(f"{', '.join(odd)}: of drives, not of training sets")
+    if rate is not None and raw is not None:
+        raise UsageError("--rate and --raw: raw files are of a camera at 13 Hz", "leave one of them out")
     road_map = None if map is None else read_map(map)
     progress = RenderProgress(quiet)
     report: DriveReport | SetReport
@@ -149,6 +156,7 @@ def simulate(
                 map_error,
                 gps_sigma,
                 stop_at_m,
+                **({} if rate is None else {"rate_hz": rate}),
             )
             report = simulate_drive(
                 output, settings, progress, road_map=road_map, raw=raw, workers=workers, overwrite=overwrite

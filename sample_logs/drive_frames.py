@@ -38,6 +38,8 @@ class DriveSettings:
     map_error_m: float = 1.5
     gps_sigma_m: float = 3.0
     stop_at_m: float | None = None
+    rate_hz: float = RATE_HZ
+    """Pictures a second."""
 
 
 def check(settings: DriveSettings) -> None:
@@ -48,6 +50,8 @@ def check(settings: DriveSettings) -> None:
     numbers = (settings.start_m, settings.duration_s, settings.map_error_m, settings.gps_sigma_m)
     if not all(math.isfinite(number) for number in numbers):
         raise UsageError("a number that is not finite")
+    if not 0.1 <= settings.rate_hz <= 100.0:
+        raise UsageError(f"{settings.rate_hz:g} pictures a second", "0.1 to 100")
     if not settings.gps_sigma_m > 0.0:
         raise InputError(
             f"a GPS with a standard deviation of {settings.gps_sigma_m} m", "give a positive one"
@@ -94,6 +98,7 @@ class SimulatedDrive:
             duration_s=chosen.duration_s,
             seed=chosen.seed,
             stop_at_m=chosen.stop_at_m,
+            rate_hz=chosen.rate_hz,
         )
 
     @cached_property
@@ -121,7 +126,7 @@ class SimulatedDrive:
 
         def make(index: int) -> FinishedFrame:
             state, T_map_body = vehicle.frames, vehicle.T_map_body[index]
-            seconds = float(vehicle.frame_numbers[index] - 1) / RATE_HZ
+            seconds = float(vehicle.frame_numbers[index] - 1) / vehicle.rate_hz
             frame = renderer.render(
                 T_map_body,
                 speed_mps=float(state.speed_mps[index]),

@@ -33,6 +33,8 @@ class VehicleDrive:
     """The camera's counter (N,) of these pictures, from 1; it counts those that were dropped, too."""
     dropped_numbers: NDArray[np.int64]
     """The numbers (M,) of the pictures that never arrived."""
+    rate_hz: float = RATE_HZ
+    """The camera's."""
 
     @property
     def stamps_ns(self) -> Stamps:
@@ -58,13 +60,14 @@ def simulate_vehicle(
     stop_at_m: float | None = None,
     start_ns: int = START_NS,
     dropped_share: float = DROPPED_SHARE,
+    rate_hz: float = RATE_HZ,
 ) -> VehicleDrive:
     """Drive along the right lane from ``start_m`` of the centre line, for ``length_m`` or ``duration_s``.
 
     ``stop_at_m``: where, along the centre line as ``start_m`` is, the bus stands for some seconds; None: nowhere. The
-    camera triggers at 13 Hz with a jitter of 0.3 ms; a share of its pictures is dropped, never the first or the last.
-    The same arguments give the same drive. Raises InputError for a drive that leaves an open centre line, one of no
-    length, and for a stop outside it.
+    camera triggers at ``rate_hz`` with a jitter of 0.3 ms; a share of its pictures is dropped, never the first or the
+    last. The same arguments give the same drive. Raises InputError for a drive that leaves an open centre line, one
+    of no length, and for a stop outside it.
     """
     if (length_m is None) == (duration_s is None):
         raise InputError("a drive has a length or a duration", "give one of the two")
@@ -90,17 +93,19 @@ def simulate_vehicle(
             f"the road is long enough for {motion.duration_s:.1f} s from there; {SHORTEST_S:g} s is the least"
         )
         raise InputError(f"a drive of {seconds:.1f} s", hint)
-    stamps, numbers, dropped = _triggers(start_ns, seconds, dropped_share, np.random.default_rng([seed, 12]))
-    return VehicleDrive(motion, motion.at(stamps), numbers, dropped)
+    stamps, numbers, dropped = _triggers(
+        start_ns, seconds, rate_hz, dropped_share, np.random.default_rng([seed, 12])
+    )
+    return VehicleDrive(motion, motion.at(stamps), numbers, dropped, rate_hz)
 
 
 def _triggers(
-    start_ns: int, duration_s: float, dropped_share: float, rng: np.random.Generator
+    start_ns: int, duration_s: float, rate_hz: float, dropped_share: float, rng: np.random.Generator
 ) -> tuple[Stamps, NDArray[np.int64], NDArray[np.int64]]:
     """Stamps and numbers of the pictures that arrive, and the numbers of those that do not."""
-    count = int(duration_s * RATE_HZ) + 1
+    count = int(duration_s * rate_hz) + 1
     jitter = np.clip(rng.normal(0.0, JITTER_NS, count), -GREATEST_JITTER_NS, GREATEST_JITTER_NS)
-    stamps = start_ns + np.rint(np.arange(count) * (1e9 / RATE_HZ) + jitter).astype(np.int64)
+    stamps = start_ns + np.rint(np.arange(count) * (1e9 / rate_hz) + jitter).astype(np.int64)
     lost = rng.uniform(size=count) < dropped_share
     lost[[0, -1]] = False
     numbers = np.arange(1, count + 1)

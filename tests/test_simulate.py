@@ -163,6 +163,7 @@ def test_an_interrupt_says_that_the_frames_are_kept(
         ("duration", "0.1", 1, "0.1 s"),
         ("duration", "nan", 2, "finite"),
         ("stop_at_m", "10", 1, "stop"),
+        ("rate", "0", 2, "pictures a second"),
         ("map", "no.geojson", 1, "no.geojson"),
     ],
 )

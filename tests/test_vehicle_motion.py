@@ -156,3 +156,17 @@ def test_what_is_no_drive_is_refused(wrong: dict[str, float]) -> None:
 def test_a_moment_outside_the_drive_is_refused(drive: VehicleDrive) -> None:
     with pytest.raises(InputError, match="outside"):
         drive.motion.at(np.array([drive.motion.start_ns - 60 * 10**9]))
+
+
+def test_a_slower_camera_sees_the_same_drive() -> None:
+    fast, slow = (
+        simulate_vehicle(
+            default_centre_line(), start_m=300.0, duration_s=20.0, rate_hz=rate, dropped_share=0.0
+        )
+        for rate in (13.0, 2.0)
+    )
+    assert len(slow) == 41
+    intervals_s = np.diff(slow.stamps_ns) * 1e-9
+    assert np.abs(intervals_s - 0.5).max() < 0.0021
+    np.testing.assert_allclose(slow.frames.s_m[-1], fast.frames.s_m[-1], atol=0.03)
+    assert slow.frame_numbers.tolist() == list(range(1, 42))
