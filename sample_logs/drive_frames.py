@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,13 @@ class DriveSettings:
     stop_at_m: float | None = None
     rate_hz: float = RATE_HZ
     """Pictures a second."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values. A camera of 13 Hz goes without saying: logs from before there were others stay as they are."""
+        values = asdict(self)
+        if self.rate_hz == RATE_HZ:
+            del values["rate_hz"]
+        return values
 
 
 def check(settings: DriveSettings) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import heapq
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -132,7 +131,7 @@ def _about(drive: SimulatedDrive) -> dict[str, str]:
     values: dict[str, Any] = {
         "made_by": library_name(),
         "made_from": "simulated",
-        "settings": asdict(drive.settings),
+        "settings": drive.settings.as_dict(),
         "weather": drive.weather.name,
         "map": drive.road.attribution,
         "map_variance_m2": drive.road.mapped_variance_m2,
