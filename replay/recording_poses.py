@@ -68,7 +68,7 @@ class PoseRows:
         colours = (PARTICLE_LIGHT + share * (PARTICLE_HEAVY - PARTICLE_LIGHT)).astype(np.uint8)
         positions = shapes.on_ground(belief.states[:, :2])
         self._rows.add("world/particles", rr.Points3D.columns, positions=positions, colors=colours)
-        self._rows.add("world/particles", rr.AnyValues.columns, weight=weights)
+        self._rows.add("world/particles", rr.AnyValues.columns, weight=weights.astype(np.float16))
 
     def _arrow(self, entity: str, position: Array, heading: Array | None, length_m: float = 5.0) -> None:
         """A pose as an arrow, and one piece of its trail."""

@@ -7,7 +7,7 @@ from typing import Final
 import rerun as rr
 
 APPLICATION: Final = "scpf"
-FLUSH_EVERY: Final = 26
+FLUSH_EVERY: Final = 39
 """Steps between two flushes: by count, not by the clock, so that a run twice over cuts its chunks alike."""
 NEVER_S: Final = 1e6
 

@@ -24,18 +24,19 @@ def on_ground(points_m: Array, height_m: float = 0.0) -> Points:
     return np.column_stack([flat, np.full(len(flat), height_m, dtype=np.float32)])
 
 
-def ring(centre_m: Array, radius_m: float, spacing_m: float = 0.5) -> Points:
-    """A closed circle (K, 3) whose points lie about ``spacing_m`` apart."""
-    count = int(np.clip(2.0 * np.pi * radius_m / spacing_m, 24, 240)) + 1
+def ring(centre_m: Array, radius_m: float, off_m: float = 0.05) -> Points:
+    """A closed circle (K, 3) of straight pieces that are nowhere further than ``off_m`` from it."""
+    half_step = np.arccos(1.0 - min(off_m / max(radius_m, off_m), 1.0))
+    count = max(24, int(np.ceil(np.pi / half_step))) + 1
     angle = np.linspace(0.0, 2.0 * np.pi, count)
     return on_ground(centre_m + radius_m * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
 def ellipse(mean_m: Array, covariance_m2: Array, sigmas: float = 2.0) -> Points:
-    """The closed ellipse (49, 3) at ``sigmas`` standard deviations of a horizontal position."""
+    """The closed ellipse (25, 3) at ``sigmas`` standard deviations of a horizontal position."""
     values, vectors = np.linalg.eigh(covariance_m2[:2, :2])
     axes = vectors * np.sqrt(np.maximum(values, 0.0)) * sigmas
-    angle = np.linspace(0.0, 2.0 * np.pi, 49)
+    angle = np.linspace(0.0, 2.0 * np.pi, 25)
     return on_ground(mean_m[:2] + np.column_stack([np.cos(angle), np.sin(angle)]) @ axes.T)
 
 
