@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -13,14 +14,18 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 from scpf.models.instances import Image
 from scpf.models.polenet import PIXEL_DEVIATION, PIXEL_MEAN, PoleNet
 
+_LEVELS = (np.arange(256, dtype=np.float32) - np.float32(255 * PIXEL_MEAN)) / np.float32(
+    255 * PIXEL_DEVIATION
+)
+
 
 def to_input(
     images: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], device: torch.device | str = "cpu"
 ) -> Tensor:
     """Network input (B, 3, H, W) of images (B, H, W, 3), uint8 RGB, on ``device``."""
-    x = torch.from_numpy(images).to(device).permute(0, 3, 1, 2).float()
-    x = x.sub_(255 * PIXEL_MEAN).div_(255 * PIXEL_DEVIATION)
-    return x.contiguous(memory_format=torch.channels_last)
+    _, height, width, channels = images.shape
+    levels = cv2.LUT(images.reshape(-1, width, channels), _LEVELS).reshape(-1, height, width, channels)
+    return torch.from_numpy(levels).to(device).permute(0, 3, 1, 2)  # which is channels_last
 
 
 def fold_batch_norm(net: PoleNet) -> PoleNet:
