@@ -24,6 +24,7 @@ def train_segmenter(
     scenes: int = 0,
     scenes_folder: Path = Path("street_scenes"),
     steps: int = 2500,
+    learning_rate: float = 3e-3,
     minutes: float = float("inf"),
     patience: int = 6,
     start: Path | None = None,
@@ -81,6 +82,9 @@ def train_segmenter(
         Where the painted scenes are kept.
     steps
         Optimizer steps of eight crops each.
+    learning_rate
+        The highest, after the first steps; it falls along half a cosine. Weights that are good already (--start) want
+        less: 0.0006.
     minutes
         Squeeze the schedule into this time where the steps would take longer.
     patience
@@ -149,17 +153,26 @@ def train_segmenter(
         return show(document, table(document))
     if output is None:
         raise UsageError("no --output", "name the weights to write: -o NAME.safetensors")
-    if scenes < 0 or steps < 1 or minutes <= 0 or patience < 0 or workers < 1 or not 0 < held_out < 1:
+    if (
+        scenes < 0 or steps < 1 or minutes <= 0 or patience < 0 or workers < 1
+        or not 0 < held_out < 1 or not 0 < learning_rate <= 1
+    ):  # fmt: skip
         raise UsageError(
             "--steps, --minutes and --workers are positive, --scenes and --patience not negative, "
-            "--held-out is a share between 0 and 1"
+            "--held-out and --learning-rate are between 0 and 1"
         )
     chosen = devices.choose(device)
     painted = (scenes, scenes_folder)
     gathered = gather(list(data or []), list(validate or []), wanted, held_out, seed, painted, say)
     say(f"{gathered.counted}, on {chosen}")
     settings = TrainingSettings(
-        steps=steps, limit_s=60 * minutes, patience=patience, start=start, device=chosen.type, workers=workers
+        steps=steps,
+        learning_rate=learning_rate,
+        limit_s=60 * minutes,
+        patience=patience,
+        start=start,
+        device=chosen.type,
+        workers=workers,
     )
     folder = run or output.with_name(f"{output.stem}_run")
     licence = licence or ("not stated" if data else "Apache-2.0")

@@ -14,11 +14,12 @@ from types import TracebackType
 from typing import Any, Self
 
 # The program becomes the one that the terminal belongs to: the first to open it in a session of its own. As at a
-# prompt, Ctrl-C and Ctrl-\ reach it, also where the tests themselves run in the background and ignore both.
+# prompt, Ctrl-C, Ctrl-\ and a hang-up reach it, also where the tests themselves run in the background and ignore them.
 OPEN = """
 import os, signal, sys
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 signal.signal(signal.SIGQUIT, signal.SIG_DFL)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 os.close(os.open(os.ttyname(0), os.O_RDWR))
 os.execvp(sys.argv[1], sys.argv[1:])
 """

@@ -217,6 +217,7 @@ def test_what_cannot_be_trained_on_is_said(
     output = ["-o", str(tmp_path / "w.safetensors")]
     assert run(["train", "segmenter", *output]) == 2
     assert run(["train", "segmenter", str(scenes)]) == 2
+    assert run(["train", "segmenter", str(scenes), *output, "--learning-rate", "0"]) == 2
     assert run(["train", "segmenter", str(scenes), *output, "--held-out", "1.5"]) == 2
     assert run(["train", "segmenter", str(tmp_path / "none"), *output]) == 1
     assert "no such folder" in capsys.readouterr().err
