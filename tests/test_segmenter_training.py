@@ -190,6 +190,8 @@ def test_the_command_trains_on_all_formats_mixed(
         str(scenes),
         "--steps",
         "1",
+        "--learning-rate",
+        "0.0005",
         "--device",
         "cpu",
         "-o",
@@ -203,7 +205,8 @@ def test_the_command_trains_on_all_formats_mixed(
     assert told["figures"] == info.figures
     assert info.licence == "CC-BY-4.0" and "3 pictures of lamps" in info.trained_on
     configuration = json.loads((tmp_path / "w_run" / "configuration.json").read_text())
-    assert configuration["steps"] == 1 and len(configuration["pictures"]["held_out"]) == 4
+    assert configuration["steps"] == 1 and configuration["learning_rate"] == 0.0005
+    assert len(configuration["pictures"]["held_out"]) == 4
     assert (tmp_path / "w_run" / "validation.csv").is_file()
 
     assert run(command) == 1  # the weights are there already
