@@ -26,7 +26,6 @@ LAST_NS: Final = 2**31 * 10**9
 _EXIF_TIMES: Final = ((36867, 37521, 36881), (306, 37520, 36880))
 """Tags of date, fraction and offset from UTC: of the exposure, then of the file."""
 _CHANGES_SHOWN: Final = 5
-EARLIER: Final = "image with an earlier time than one before"
 
 
 @dataclass

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Indices = NDArray[np.int64]
 
-MOST_SHARED_HEIGHT = 0.2  # of the lower part's height: what stands side by side for longer is two poles
+MOST_SHARED_HEIGHT = 0.2  # of the shorter part's rows: what stands side by side for longer is two poles
 MOST_GAP = 1.0  # rows between two parts, as a share of the rows that the taller one has
 END_SHARE = 0.2  # of a part's rows, the least of `LEAST_END_ROWS`: where it is compared with the next
 LEAST_END_ROWS = 6

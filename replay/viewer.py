@@ -112,14 +112,6 @@ def reports(viewer: Any) -> list[str]:
     return [f"view {view.name!r}: {report.summary}" for view in views for report in view.reports]
 
 
-def view_picture(viewer: Any, name: str) -> Pixels:
-    """The picture (H, W, 3) of one visible view."""
-    for view in viewer.get_state().views:
-        if view.name == name:
-            return _picture(viewer, view.view_id)
-    raise InputError(f"no view {name!r} is visible")
-
-
 def _connect(client: Any, url: str, process: subprocess.Popen[bytes]) -> Any:
     deadline_s = time.monotonic() + STARTUP_S
     while time.monotonic() < deadline_s:
