@@ -110,6 +110,7 @@ def simulate(
     from scpf.sample_logs.simulation import DriveReport, frames_folder, simulate_drive
     from scpf.sample_logs.training_places import SetSettings
     from scpf.sample_logs.training_set import SetReport, simulate_set
+    from scpf.sample_logs.vehicle import RATE_HZ
 
     if not 1 <= workers <= 64:
         raise UsageError(f"--workers {workers} is not 1 to 64")
@@ -156,7 +157,7 @@ def simulate(
                 map_error,
                 gps_sigma,
                 stop_at_m,
-                **({} if rate is None else {"rate_hz": rate}),
+                RATE_HZ if rate is None else rate,
             )
             report = simulate_drive(
                 output, settings, progress, road_map=road_map, raw=raw, workers=workers, overwrite=overwrite
