@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.camera import Camera
-from scpf.models.instances import Instance, instance_from_mask
+from scpf.models.instances import Instance
 from scpf.models.road_map import RoadMap
 from scpf.replay.drive import Drive
 from scpf.replay.pipeline import Pipeline
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 AHEAD_M = 15.0  # where the landmark stands in the rehearsal
 POLE_TOP_M, POLE_WIDTH_M = 7.0, 0.2
+MOST_PX = 1 << 22  # a log may claim any picture and any lens; this pole has 5,000 px in a usual one
 STEPS = 3
 
 
@@ -52,11 +53,12 @@ def _pole_ahead(camera: Camera) -> Instance | None:
     foot, top = camera.project((ends_m - origin_m) @ R_body_camera)
     if not np.isfinite([*foot, *top]).all():
         return None
-    width = max(1, round(camera.matrix[0, 0] * POLE_WIDTH_M / AHEAD_M))
-    full = np.zeros((camera.height_px, camera.width_px), bool)
-    left, upper, lower = (max(0, int(value)) for value in (foot[0] - width / 2, top[1], foot[1]))
-    full[upper:lower, left : left + width] = True
-    return instance_from_mask(full) if full.any() else None
+    width = camera.matrix[0, 0] * POLE_WIDTH_M / AHEAD_M
+    x1, x2 = (round(min(max(x, 0.0), camera.width_px)) for x in (foot[0] - width / 2, foot[0] + width / 2))
+    y1, y2 = (round(min(max(y, 0.0), camera.height_px)) for y in (top[1], foot[1]))
+    if not 0 < (x2 - x1) * (y2 - y1) <= MOST_PX:
+        return None
+    return Instance((x1, y1, x2, y2), np.ones((y2 - y1, x2 - x1), bool), (x1, y1), 1.0)
 
 
 def _before_the_first_landmark(road_map: RoadMap) -> Array:

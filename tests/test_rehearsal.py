@@ -69,3 +69,14 @@ def test_a_camera_that_looks_back_is_not_rehearsed() -> None:
     turned = drive.camera.T_body_camera.copy()
     turned[:3, :3] = np.diag([-1.0, -1.0, 1.0]) @ turned[:3, :3]
     rehearse(settings, replace(drive, camera=replace(drive.camera, T_body_camera=turned)))
+
+
+def test_a_picture_of_any_size_that_a_log_claims_takes_no_memory() -> None:
+    settings = PRESETS["paper"]
+    with DriveLog(SAMPLE) as log:
+        drive = Drive.of(log, settings)
+    assert drive.camera is not None
+    for focal_px in (800.0, 1e9):
+        matrix = np.array([[focal_px, 0.0, 2e9], [0.0, focal_px, 2e9], [0.0, 0.0, 1.0]])
+        vast = replace(drive.camera, width_px=2**32 - 1, height_px=2**32 - 1, matrix=matrix)
+        rehearse(settings, replace(drive, camera=vast))
