@@ -16,7 +16,7 @@ def train_segmenter(
     *,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     evaluate: str | None = None,
-    validate: list[Path] | None = None,
+    validate: Annotated[list[Path] | None, Parameter(consume_multiple=True, negative="")] = None,
     held_out: float = 0.2,
     classes: Annotated[
         list[str] | None, Parameter(name="--class", consume_multiple=False, negative="")

@@ -62,6 +62,11 @@ def gather(
         counted.append(f"{scenes} painted scenes")
     if len(judged) < 2:
         raise UsageError("fewer than two pictures are held out to judge by", "give --validate, or label more")
+    twice = {image.path.resolve() for images in training for image in images} & {
+        image.path.resolve() for image in judged
+    }
+    if twice:
+        raise UsageError(f"{min(twice)}: to train on and to judge by", "give --validate other pictures")
     return TrainingPictures(training, judged, f"{', '.join(counted)}; {len(judged)} held out")
 
 

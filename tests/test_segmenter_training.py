@@ -24,7 +24,7 @@ from scpf.models.polenet_validation import average_precision
 from scpf.replay.cli import run
 from scpf.replay.segmenter_data import gather
 from scpf.replay.training_run import TrainingRun
-from scpf.sample_logs.street_scenes import scene
+from scpf.sample_logs.street_scenes import scene, write_scenes
 
 ABOUT = polenet.WeightsInfo("four scenes")
 TINY = TrainingSettings(steps=4, batch=2, sizes_px=((96, 64),), validate_every=2, report_every=1)
@@ -222,6 +222,8 @@ def test_what_cannot_be_trained_on_is_said(
     assert run(["train", "segmenter", str(scenes)]) == 2
     assert run(["train", "segmenter", str(scenes), *output, "--learning-rate", "0"]) == 2
     assert run(["train", "segmenter", str(scenes), *output, "--held-out", "1.5"]) == 2
+    assert run(["train", "segmenter", str(scenes), *output, "--validate", str(scenes)]) == 2
+    assert "to judge by" in capsys.readouterr().err
     assert run(["train", "segmenter", str(tmp_path / "none"), *output]) == 1
     assert "no such folder" in capsys.readouterr().err
 
@@ -234,3 +236,15 @@ def test_pictures_to_judge_by_take_the_place_of_held_out_scenes(scenes: Path, tm
     assert [len(images) for images in judged.training] == [1]
     assert {image.path.parent for image in judged.held_out} == {scenes}
     assert not (tmp_path / "more" / "held_out").exists()
+
+
+def test_validate_takes_several_folders(
+    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The second was once taken for one more to train on, and the score calibrated on what the network had learnt."""
+    judges = [tmp_path / "one", tmp_path / "another"]
+    for k, folder in enumerate(judges):
+        write_scenes(folder, range(20 + 3 * k, 23 + 3 * k))
+    command = ["train", "segmenter", str(scenes), "--validate", *map(str, judges), "--steps", "1"]
+    assert run([*command, "--device", "cpu", "-o", str(tmp_path / "w.safetensors")]) == 0
+    assert "; 6 held out" in capsys.readouterr().err
