@@ -61,7 +61,20 @@ def for_inference(net: PoleNet, *, bfloat16: bool = False) -> PoleNet:
     themselves, and moves scores and outlines a little.
     """
     folded = channels_last(fold_batch_norm(net))
+    if next(folded.parameters()).device.type == "cpu":
+        _pointwise_by_onednn(folded)
     return folded.to(torch.bfloat16) if bfloat16 else folded
+
+
+def _pointwise_by_onednn(net: PoleNet) -> None:
+    """Dilates the kernels of one pixel, which changes no sum.
+
+    In a single thread torch computes a 1×1 convolution of one picture without oneDNN, unless it is dilated
+    (`ConvParams::use_mkldnn` in ATen's Convolution.cpp): 4 of 108 ms.
+    """
+    for layer in net.modules():
+        if isinstance(layer, nn.Conv2d) and layer.kernel_size == (1, 1):
+            layer.dilation = (2, 2)
 
 
 Maps = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -20,6 +21,7 @@ from scpf.models.polenet_samples import Sample, make_sample, targets
 from scpf.models.polenet_training import TrainingSettings, begin, training_step
 from scpf.models.polenet_validation import JudgedImage, Judgement, Verdict, is_detection, judge, match
 
+Prepare = Callable[[polenet.PoleNet], polenet.PoleNet]
 CALIBRATION = ScoreCalibration(1.5, 0.5, 0.25, -1.0)
 
 
@@ -53,8 +55,9 @@ def test_outputs_have_the_promised_sizes(net: polenet.PoleNet) -> None:
     assert offsets.shape == (2, 2, 16, 24)
 
 
-def test_folding_the_batch_norms_changes_nothing(net: polenet.PoleNet) -> None:
-    folded = polenet_inference.fold_batch_norm(net)
+@pytest.mark.parametrize("prepare", [polenet_inference.fold_batch_norm, polenet_inference.for_inference])
+def test_making_the_network_fast_changes_nothing(net: polenet.PoleNet, prepare: Prepare) -> None:
+    folded = prepare(net)
     assert not any(isinstance(module, torch.nn.BatchNorm2d) for module in folded.modules())
     x = torch.randn(1, 3, 64, 96)
     with torch.inference_mode():
