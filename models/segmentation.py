@@ -20,7 +20,11 @@ if TYPE_CHECKING:
     from scpf.models.polenet import PoleNet, WeightsInfo
 
 DEFAULT_THRESHOLD = 0.9
-LONGEST_SIDE_PX = 1280
+PIXELS = (
+    1024 * 768
+)  # a picture is shrunk or enlarged to so many: each costs the same, and thin poles want pixels
+MOST_ENLARGED = 2.0
+KEPT = (0.9, 1.1)  # no resampling for less
 STRIDE_PX = 32  # the sides of the network's input are multiples of it
 PADDING_GREY = 115  # the mean of PoleNet's input: 0 after normalisation
 MASK_THRESHOLD = 0.5
@@ -162,15 +166,17 @@ def instances(
 def frame(image: Image) -> tuple[Image, tuple[int, int]]:
     """The network's input (h, w, 3) and the (width, height) of it that the picture fills, from the upper left.
 
-    The image is shrunk by the least whole factor that brings its long side to `LONGEST_SIDE_PX` (2048×1536 becomes
-    1024×768; 1226×370 stays), then padded to multiples of `STRIDE_PX`.
+    The image is brought to about `PIXELS` (2048×1536 becomes 1024×768, 1226×370 becomes 1614×487), then padded to
+    multiples of `STRIDE_PX`.
     """
     import cv2
 
     height, width = image.shape[:2]
-    factor = -(-max(height, width) // LONGEST_SIDE_PX)
-    shown = (max(1, round(width / factor)), max(1, round(height / factor)))
-    small = image if factor == 1 else cv2.resize(image, shown, interpolation=cv2.INTER_AREA)
+    scale = min((PIXELS / (height * width)) ** 0.5, MOST_ENLARGED)
+    scale = 1.0 if KEPT[0] < scale < KEPT[1] else scale
+    shown = (max(1, round(width * scale)), max(1, round(height * scale)))
+    method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
+    small = image if shown == (width, height) else cv2.resize(image, shown, interpolation=method)
     right, below = -shown[0] % STRIDE_PX, -shown[1] % STRIDE_PX
     if right or below:
         grey = (PADDING_GREY,) * 3
