@@ -173,10 +173,8 @@ def frame(image: Image) -> tuple[Image, tuple[int, int]]:
     scale = min((PIXELS / (height * width)) ** 0.5, MOST_ENLARGED)
     scale = 1.0 if KEPT[0] < scale < KEPT[1] else scale
     shown = (max(1, round(width * scale)), max(1, round(height * scale)))
-    whole = max(
-        1, int(1 / scale + 1e-6)
-    )  # the mean of whole pixels first: ten times as fast as that of parts
-    small = image
+    whole = max(1, int(1 / scale + 1e-6))  # the mean of whole pixels first, as that of parts is slow
+    small: NDArray[Any] = image
     if whole > 1:
         small = cv2.resize(image, (width // whole, height // whole), interpolation=cv2.INTER_AREA)
     if small.shape[1::-1] != shown:
