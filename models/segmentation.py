@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 DEFAULT_THRESHOLD = 0.9
 PIXELS = 1024 * 768  # every picture is brought to so many: each costs the same, and thin poles want pixels
 MOST_ENLARGED = 2.0
+LONGEST_SIDE_PX = 4096  # a log may claim a picture one pixel high, which padding would make vast
 KEPT = (0.9, 1.1)  # no resampling for less
 STRIDE_PX = 32  # the sides of the network's input are multiples of it
 PADDING_GREY = 115  # the mean of PoleNet's input: 0 after normalisation
@@ -170,13 +171,14 @@ def frame(image: Image) -> tuple[Image, tuple[int, int]]:
     import cv2
 
     height, width = image.shape[:2]
-    scale = min((PIXELS / (height * width)) ** 0.5, MOST_ENLARGED)
+    scale = min((PIXELS / (height * width)) ** 0.5, MOST_ENLARGED, LONGEST_SIDE_PX / max(height, width))
     scale = 1.0 if KEPT[0] < scale < KEPT[1] else scale
     shown = (max(1, round(width * scale)), max(1, round(height * scale)))
     whole = max(1, int(1 / scale + 1e-6))  # the mean of whole pixels first, as that of parts is slow
     small: NDArray[Any] = image
     if whole > 1:
-        small = cv2.resize(image, (width // whole, height // whole), interpolation=cv2.INTER_AREA)
+        parts = (max(1, width // whole), max(1, height // whole))
+        small = cv2.resize(image, parts, interpolation=cv2.INTER_AREA)
     if small.shape[1::-1] != shown:
         method = cv2.INTER_LINEAR if scale < 1.0 else cv2.INTER_CUBIC
         small = cv2.resize(small, shown, interpolation=method)

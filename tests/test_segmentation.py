@@ -59,6 +59,7 @@ def test_unknown_segmenters_and_weights_are_missing(tmp_path: Path) -> None:
         ((1226, 370), (1614, 487), (1632, 512)),
         ((1920, 1080), (1182, 665), (1184, 672)),
         ((37, 21), (74, 42), (96, 64)),
+        ((4_000_000, 1), (4096, 1), (4096, 32)),
     ],
 )
 def test_frames(size_px: tuple[int, int], shown_px: tuple[int, int], framed_px: tuple[int, int]) -> None:
