@@ -129,6 +129,14 @@ class Canvas:
         part[y, x] = np.clip(part[y, x] * (1 - alpha) + lit, 0, 255).astype(np.uint8)
         self.ids[rows, columns][cover >= 128] = instance_id
 
+    def seen_along(self, start_m: Floats, end_m: Floats) -> Floats:
+        """The mean colour (3,) of what has been drawn between two points so far; grey where none is in the picture."""
+        pixels, _ = self.camera.project(np.linspace(start_m, end_m, 24))
+        x, y = np.floor(pixels).astype(int).T
+        inside = (x >= 0) & (x < self.camera.width_px) & (y >= 0) & (y < self.camera.height_px)
+        seen = self.image[y[inside], x[inside]]
+        return np.asarray(seen.mean(axis=0) if len(seen) else np.full(3, 110.0))
+
     def stamp(
         self, alpha: Floats, shade: Floats, centre_px: Floats, size_px: tuple[float, float], colour: Colour
     ) -> None:

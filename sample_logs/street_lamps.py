@@ -10,9 +10,11 @@ import numpy as np
 from scpf.models.labelled_images import IGNORED_ID
 from scpf.sample_logs.street_canvas import Canvas, Colour, Floats, Tube
 from scpf.sample_logs.street_looks import grey
-from scpf.sample_logs.street_objects import plate
+from scpf.sample_logs.street_objects import board, plate
 
 LEAST_LAMP_POST_M = 4.0  # park lanterns below are lamps, but hardly landmarks
+FAINT = 0.25  # share of the posts that are hardly brighter or darker than what lies behind them
+WITH_BOARDS = 0.3
 
 
 @dataclass(frozen=True)
@@ -84,16 +86,29 @@ def lamp_post(
     for direction in {"top": (), "double": (-1, 1)}.get(make.style, (towards,)):
         tubes += _arm(top, direction, make)
     ignored = make.style == "top" and make.height_m < LEAST_LAMP_POST_M
-    canvas.tubes(tubes, make.colour, IGNORED_ID if ignored else instance_id)
-    if rng.random() < 0.12:  # a plate or a banner hangs on it
-        low = rng.uniform(1.8, 3.2)
-        plate(canvas, rng, x_m, rng.uniform(low, low + 1.0), z_m - 0.1)
+    colour = make.colour
+    if rng.random() < FAINT:
+        share = rng.choice([rng.uniform(0.5, 0.85), rng.uniform(1.15, 1.5)])
+        b, g, r = canvas.seen_along(base, top) * share
+        colour = (float(b), float(g), float(r))
+    canvas.tubes(tubes, colour, IGNORED_ID if ignored else instance_id)
+    if rng.random() < WITH_BOARDS:  # signs, posters and boxes hang on it, never at its very top
+        for _ in range(rng.integers(1, 4)):
+            hang = plate if rng.random() < 0.3 else board
+            hang(canvas, rng, x_m, rng.uniform(0.6, 0.65 * make.height_m), z_m - 0.1)
 
 
 def _lantern(top: Floats, make: LampDesign) -> list[Tube]:
     """A lantern, a globe or a hood upon the post, by its profile of radii."""
     radius = make.head_radius_m * 1.8 + 0.06
-    profiles = ((0.5, 1.0, 1.0, 0.3), (0.6, 1.0, 1.0, 0.6), (0.2, 0.3, 1.6, 0.4), (1.5, 1.5, 0.2, 0.1))
+    profiles = (
+        (0.5, 1.0, 1.0, 0.3),
+        (0.6, 1.0, 1.0, 0.6),
+        (0.2, 0.3, 1.6, 0.4),
+        (1.5, 1.5, 0.2, 0.1),
+        (0.7, 0.4, 2.4, 1.9),  # a glass below a wide, flat hood
+        (0.5, 0.5, 2.0, 0.2),
+    )
     profile = profiles[int(make.head_m * 1000) % len(profiles)]
     levels = [_beyond(top, 0.0, height) for height in np.linspace(0, make.head_m * 0.8, 4)]
     return [

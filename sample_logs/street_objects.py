@@ -43,6 +43,15 @@ def billboard(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) 
         canvas.surface([(x1, y1, z_m), (x2, y1, z_m), (x2, y2, z_m), (x1, y2, z_m)], colour)
 
 
+def board(canvas: Canvas, rng: np.random.Generator, x_m: float, y_m: float, z_m: float) -> None:
+    """A framed board, a poster or a box that hangs on a post; ``y_m``: its lower edge."""
+    wide, high = ((0.2, 0.4), (0.45, 0.6), (0.7, 1.1))[rng.integers(3)] * rng.uniform(0.7, 1.4, 2)
+    left = x_m - wide * rng.choice([0.5, rng.uniform(0.0, 1.0)])
+    for inset, colour in ((0.0, grey(rng, 20, 250)), (0.06, any_colour(rng, 20, 250))):
+        x1, x2, y1, y2 = left + inset, left + wide - inset, y_m + inset, y_m + high - inset
+        canvas.surface([(x1, y1, z_m), (x2, y1, z_m), (x2, y2, z_m), (x1, y2, z_m)], colour)
+
+
 def fence(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:
     """Posts with rails or a tight grid, along the street or across; bollards where there are no rails."""
     gap, count, high = rng.uniform(1.0, 2.5), int(rng.integers(3, 9)), rng.uniform(0.7, 2.0)

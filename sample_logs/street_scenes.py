@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scpf.models.instances import Image
 from scpf.sample_logs import street_objects
 from scpf.sample_logs.street_canvas import Canvas
+from scpf.sample_logs.street_flags import flags
 from scpf.sample_logs.street_ground import LEFT, RIGHT, Street, paint_cables, paint_ground, paint_shadows
 from scpf.sample_logs.street_houses import facade, lumber, scaffold
 from scpf.sample_logs.street_lamps import LampDesign, lamp_post
@@ -68,7 +69,7 @@ def _houses(street: Street, rng: np.random.Generator) -> list[Thing]:
             length, tall = rng.uniform(7, 24), rng.uniform(4, 20)
             x = street.x_m(side, set_back + rng.uniform(0, 2), z + length / 2)
             found.append((z + length * 0.6, partial(_house, street.canvas, rng, side, x, z, length, tall)))
-            if rng.random() < 0.3:
+            if rng.random() < 0.4:
                 front = x - side * rng.uniform(0.8, 1.5)
                 found.append(
                     (z + length * 0.3, partial(scaffold, street.canvas, rng, front, z, length, tall))
@@ -106,7 +107,8 @@ def _clutter(street: Street, rng: np.random.Generator) -> list[Thing]:
     furniture = (
         (street_objects.sign_post, 5, 4.0),
         (street_objects.fence, 3, 4.0),
-        (street_objects.billboard, 2, 6.0),
+        (street_objects.billboard, 3, 6.0),
+        (flags, 4, 12.0),
         (lumber, 2, 4.0),
     )
     for side in (LEFT, RIGHT):

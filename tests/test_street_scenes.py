@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from scpf.models.labelled_images import IGNORED_ID
 from scpf.sample_logs.street_canvas import Canvas, StreetCamera, Tube
+from scpf.sample_logs.street_flags import flags
 from scpf.sample_logs.street_scenes import MOST_LAMPS, SIZES_PX, scene, write_scenes
 
 
@@ -55,6 +57,26 @@ def test_what_stands_before_a_pole_hides_it() -> None:
     assert (canvas.ids == 1).any()
     canvas.polygon(np.array([(0, 0), (320, 0), (320, 240), (0, 240)]), (1.0, 2.0, 3.0))
     assert not canvas.ids.any()
+
+
+def test_a_flag_is_no_lamp_post_but_a_staff_without_its_cloth_may_be_one() -> None:
+    for tilt, expected in ((0.0, {0}), (1.0, {0, IGNORED_ID})):  # looking ahead, and far down
+        camera = StreetCamera(np.random.default_rng(0), 640, 480)
+        c, s = np.cos(0.35 * tilt), np.sin(0.35 * tilt)
+        camera.R_camera_street = np.array([[1.0, 0, 0], [0, c, s], [0, -s, c]])
+        canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+        for seed in range(5):
+            flags(canvas, np.random.default_rng(seed), 0.5, 14.0)
+        assert canvas.image.any()
+        assert set(np.unique(canvas.ids).tolist()) == expected
+
+
+def test_a_faint_lamp_post_takes_the_colour_of_what_is_behind_it() -> None:
+    canvas = Canvas(StreetCamera(np.random.default_rng(0), 320, 240), (0.0, 0.0, 0.0), 1e9, 0.0)
+    canvas.image[:] = (10, 60, 110)
+    seen = canvas.seen_along(np.array([0.0, 0, 12]), np.array([0.0, 4, 12]))
+    assert seen == pytest.approx([10, 60, 110])
+    assert canvas.seen_along(np.array([0.0, 50, 12]), np.array([0.0, 60, 12])) == pytest.approx([110] * 3)
 
 
 def test_written_scenes_are_read_back(tmp_path: Path) -> None:
