@@ -92,7 +92,7 @@ def train(
                 break
             rate = _set_learning_rate(state, settings, progress)
             losses = training_step(state, batch, settings.gradient_norm)
-            state.step += 1
+            state.stepped()
             summed += 1
             for name, value in losses.items():
                 sums[name] += value
@@ -156,13 +156,13 @@ class _Run:
         self.report(f"step {self.state.step} {progress:.0%} {self.state.elapsed_s:.0f} s {shown}")
 
     def validate(self) -> None:
-        """Judges the network as it is; keeps it where it is the best so far, and the state in any case."""
-        info = _judged(self.state.net, self.few, self.about, np.s_[:])  # too few to divide
+        """Judges the mean of the weights; keeps it where it is the best so far, and the state in any case."""
+        info = _judged(self.state.mean, self.few, self.about, np.s_[:])  # too few to divide
         self.curves("validation", self.state.step, info.figures)
         self.report(f"step {self.state.step}: {_line(info.figures)}")
         if self.state.best_step == 0 or info.figures[JUDGED_BY] > self.state.best:
             self.state.best, self.state.best_step = info.figures[JUDGED_BY], self.state.step
-            polenet.save(self.folder / BEST, self.state.net, info)
+            polenet.save(self.folder / BEST, self.state.mean, info)
         self.state.save(self.folder / STATE)
 
 

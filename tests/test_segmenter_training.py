@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from scpf.models.instances import instance_from_mask
 from scpf.models.labelled_images import LabelledImage, ids_images
 from scpf.models.polenet_training import BEST, STATE, TrainingSettings, train
 from scpf.models.polenet_validation import average_precision
+from scpf.models.training_state import TrainingState
 from scpf.replay.cli import run
 from scpf.replay.segmenter_data import gather
 from scpf.replay.training_run import TrainingRun
@@ -89,6 +91,30 @@ def test_an_interrupted_training_goes_on_to_the_same_weights(
     assert lines[0] == "going on from step 3"
     for name, value in weights(tmp_path / "whole").items():
         assert torch.equal(value, weights(tmp_path / "parts")[name]), name
+
+
+def test_what_is_kept_is_the_running_mean_of_the_weights(
+    images: list[LabelledImage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[torch.Tensor] = []
+    plain = polenet_training.training_step
+
+    def watched(state: TrainingState, *arguments: Any) -> dict[str, float]:
+        if not seen:
+            seen.append(state.net.mask.weight.detach().clone())
+        losses = plain(state, *arguments)
+        seen.append(state.net.mask.weight.detach().clone())
+        return losses
+
+    monkeypatch.setattr(polenet_training, "training_step", watched)
+    fast = replace(TINY, validate_every=4, learning_rate=0.03, warm_up_steps=1)
+    train([images], images, tmp_path, fast, 0, ABOUT)
+    mean = seen[0]
+    for step, each in enumerate(seen[1:], start=1):
+        mean = mean + (each - mean) * 9 / (10 + step)
+    kept = weights(tmp_path)["mask.weight"]
+    assert torch.allclose(kept, mean, atol=1e-3)  # half floats
+    assert not torch.allclose(kept, seen[-1], atol=5e-3)
 
 
 def test_a_damaged_state_is_refused_and_code_in_it_not_run(
