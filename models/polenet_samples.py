@@ -14,11 +14,13 @@ from scpf.models.augmentation import degrade
 from scpf.models.grouping import CENTRE_CELL_PX, OFFSET_CELL_PX, OFFSET_SCALE_PX
 from scpf.models.instances import Image
 from scpf.models.labelled_images import IGNORED_ID, Ids, LabelledImage
+from scpf.models.pole_pasting import paste_poles
 from scpf.models.segmentation import PADDING_GREY
 
 LEAST_HEIGHT_PX, LEAST_AREA_PX = 24, 30  # smaller instances are neither taught nor punished
 LEAST_SPREAD_CELLS = (0.7, 1.2)  # x, y: deviation of the Gaussian on the centre map,
 SPREAD_SHARE = (0.2, 0.1)  # and that of a large pole, as a share of its width at the centre and of its height
+HORIZON = 0.48  # where it lies, as a share of a picture's height, for all that is known
 
 FloatMap = NDArray[np.float32]
 
@@ -40,10 +42,21 @@ class Sample(NamedTuple):
     offsets_valid: FloatMap
 
 
-def make_sample(source: LabelledImage, size_px: tuple[int, int], rng: np.random.Generator) -> Sample:
-    """A random crop of ``size_px`` (width, height) at a random scale, flipped and degraded at random."""
+def make_sample(
+    source: LabelledImage,
+    size_px: tuple[int, int],
+    rng: np.random.Generator,
+    donor: LabelledImage | None = None,
+) -> Sample:
+    """A random crop of ``size_px`` (width, height) at a random scale, flipped and degraded at random.
+
+    Poles of the ``donor``, where there is one, are pasted into it.
+    """
     picture = source.read()
-    image, ids, scale = _crop(picture.image, picture.ids(), size_px, rng)
+    image, ids, scale, top = _crop(picture.image, picture.ids(), size_px, rng)
+    if donor is not None:
+        image, ids = image.copy(), ids.copy()
+        paste_poles(image, ids, donor.read(), HORIZON * len(picture.image) - top, rng)
     if rng.random() < 0.5:
         image, ids = image[:, ::-1], ids[:, ::-1]
     image = np.ascontiguousarray(image)
@@ -60,8 +73,8 @@ def make_sample(source: LabelledImage, size_px: tuple[int, int], rng: np.random.
 
 def _crop(
     image: Image, ids: Ids, size_px: tuple[int, int], rng: np.random.Generator
-) -> tuple[Image, Ids, float]:
-    """The crop and the scale (network px per image px) that it is to be shown at.
+) -> tuple[Image, Ids, float, int]:
+    """The crop, the scale (network px per image px) that it is to be shown at, and its first row.
 
     Half of the samples look near a pole. A fifth is zoomed in so far that a pole fills the frame, and a fifth zoomed
     out so far that poles are tiny.
@@ -77,7 +90,7 @@ def _crop(
         x1 = int(np.clip(x - rng.uniform(0.1, 0.9) * wide, 0, width - wide))
         y1 = int(np.clip(y - rng.uniform(0.1, 0.9) * high, 0, height - high))
     part = np.s_[y1 : y1 + high, x1 : x1 + wide]
-    return image[part], ids[part], scale
+    return image[part], ids[part], scale, y1
 
 
 def targets(framed: Image, ids: Ids, shown_px: Sequence[int]) -> Sample:

@@ -37,7 +37,8 @@ class TrainingSettings:
     """``sizes_px``: (width, height) of the crops, one of them for each batch. ``limit_s``: the schedule is squeezed
     into this many seconds where ``steps`` would take longer (the result then depends on the machine's speed).
     ``patience``: stop after so many validations without a better AP, 0 never. ``device``: cpu, cuda or mps.
-    ``workers``: threads that make crops. ``validation_images``: the most that a validation on the way looks at."""
+    ``pasted``: the share of the crops into which poles of other pictures are pasted. ``workers``: threads that make
+    crops. ``validation_images``: the most that a validation on the way looks at."""
 
     steps: int = 1500
     batch: int = 8
@@ -52,6 +53,7 @@ class TrainingSettings:
     report_every: int = 25
     limit_s: float = float("inf")
     start: Path | None = None  # weights to go on from
+    pasted: float = 0.0
     device: str = "cpu"
     workers: int = 1
 
@@ -214,8 +216,12 @@ def _batches(
     def make(step: int) -> list[Sample]:
         rng = np.random.default_rng([seed, step])
         size = settings.sizes_px[int(rng.integers(len(settings.sizes_px)))]
-        drawn = [sets[int(rng.integers(len(sets)))] for _ in range(settings.batch)]
-        return [make_sample(images[int(rng.integers(len(images)))], size, rng) for images in drawn]
+        pasted = rng.random(settings.batch) < settings.pasted
+        return [make_sample(draw(rng), size, rng, draw(rng) if paste else None) for paste in pasted]
+
+    def draw(rng: np.random.Generator) -> LabelledImage:
+        images = sets[int(rng.integers(len(sets)))]
+        return images[int(rng.integers(len(images)))]
 
     with ThreadPoolExecutor(settings.workers) as pool:
         coming: list[Future[list[Sample]]] = [

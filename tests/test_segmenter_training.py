@@ -218,6 +218,8 @@ def test_the_command_trains_on_all_formats_mixed(
         "1",
         "--learning-rate",
         "0.0005",
+        "--pasted",
+        "0.5",
         "--device",
         "cpu",
         "-o",
@@ -232,6 +234,7 @@ def test_the_command_trains_on_all_formats_mixed(
     assert info.licence == "CC-BY-4.0" and "3 pictures of lamps" in info.trained_on
     configuration = json.loads((tmp_path / "w_run" / "configuration.json").read_text())
     assert configuration["steps"] == 1 and configuration["learning_rate"] == 0.0005
+    assert configuration["pasted"] == 0.5
     assert len(configuration["pictures"]["held_out"]) == 4
     assert (tmp_path / "w_run" / "validation.csv").is_file()
 
@@ -248,6 +251,7 @@ def test_what_cannot_be_trained_on_is_said(
     assert run(["train", "segmenter", str(scenes)]) == 2
     assert run(["train", "segmenter", str(scenes), *output, "--learning-rate", "0"]) == 2
     assert run(["train", "segmenter", str(scenes), *output, "--held-out", "1.5"]) == 2
+    assert run(["train", "segmenter", str(scenes), *output, "--pasted", "1.5"]) == 2
     assert run(["train", "segmenter", str(scenes), *output, "--validate", str(scenes)]) == 2
     assert "to judge by" in capsys.readouterr().err
     assert run(["train", "segmenter", str(tmp_path / "none"), *output]) == 1
