@@ -14,14 +14,13 @@ Rectangle = tuple[int, int, int, int]  # x1, y1, x2, y2
 def draw_scaffold(image: Image, ids: Ids, rng: np.random.Generator) -> Rectangle:
     """Draws it into ``image`` (H, W, 3) and takes the poles behind it out of ``ids``, in place; where it stands."""
     height, width = ids.shape
-    wide, high = int(width * rng.uniform(0.3, 1.0)), int(height * rng.uniform(0.35, 0.85))
+    wide, high = max(1, int(width * rng.uniform(0.3, 1.0))), int(height * rng.uniform(0.35, 0.85))
     x1, y1 = int(rng.integers(0, width - wide + 1)), int(rng.uniform(-0.3, 0.3) * height)
-    x2, y2, y1 = x1 + wide, min(height, y1 + high), max(0, y1)
-    wall = image[y1:y2, x1:x2]
-    unit = height * rng.uniform(0.03, 0.14)  # the height of half a floor
-    front = np.ascontiguousarray(_wall((y2 - y1, wide), unit, rng))
+    x2, y2, y1 = x1 + wide, max(1, min(height, y1 + high)), max(0, y1)
+    unit = max(2.0, height * rng.uniform(0.03, 0.14))  # the height of half a floor
+    front = _wall((y2 - y1, wide), unit, rng)
     _tubes(front, unit, rng)
-    wall[:] = front
+    image[y1:y2, x1:x2] = front
     ids[y1:y2, x1:x2] = 0
     return x1, y1, x2, y2
 

@@ -100,6 +100,15 @@ def test_boards_rails_and_scaffolds_hide_what_is_behind_them() -> None:
     assert hidden
 
 
+@pytest.mark.parametrize("size", [(1, 1), (3, 200), (200, 2), (9, 9)])
+def test_a_picture_however_small_takes_a_scaffold_and_poles(size: tuple[int, int]) -> None:
+    for seed in range(12):
+        image, ids = np.full((*size, 3), 120, np.uint8), np.ones(size, np.uint8)
+        x1, y1, x2, y2 = draw_scaffold(image, ids, np.random.default_rng(seed))
+        assert 0 <= x1 < x2 <= size[1] and 0 <= y1 < y2 <= size[0]
+        paste_poles(image, ids, donor(), size[0] / 2, np.random.default_rng(seed))
+
+
 def test_what_hangs_on_a_pole_or_crosses_it_is_no_pole() -> None:
     for hide in (pole_pasting._hang, pole_pasting._rails):
         taken = 0
