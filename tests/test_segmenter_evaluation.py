@@ -138,10 +138,10 @@ def test_nothing_found_and_nothing_there() -> None:
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("scenes")
-    for seed in (900_000, 900_002, 900_003):
+    for seed in (900_001, 900_007, 900_008):
         image, ids = scene(seed)
         cv2.imwrite(str(folder / f"{seed}.jpg"), image)
-        cv2.imwrite(str(folder / f"{seed}.png"), ids if seed != 900_003 else np.zeros_like(ids))
+        cv2.imwrite(str(folder / f"{seed}.png"), ids if seed != 900_008 else np.zeros_like(ids))
     return folder
 
 
@@ -156,8 +156,8 @@ def test_the_command_says_how_good_the_shipped_network_is(
     assert document["figures"]["recall"] > 0.3 and document["figures"]["mask_ap50"] > 0.05
     assert document["pictures"] == 3
     # The lamps of the last picture are not labelled: the network finds them all the same, and each is drawn.
-    false = [each for each in document["false_positives"] if each["picture"].endswith("900003.jpg")]
-    assert false and "900003.jpg" in text
+    false = [each for each in document["false_positives"] if each["picture"].endswith("900008.jpg")]
+    assert false and "900008.jpg" in text
     assert len(list(pictures.glob("*.jpg"))) == len(document["false_positives"])
     assert all(cv2.imread(str(path)) is not None for path in pictures.iterdir())
     assert run([*command, "--report", str(report)]) == 1  # it is there already
