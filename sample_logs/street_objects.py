@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scpf.sample_logs.street_canvas import Canvas, Point, Tube
+from scpf.sample_logs.street_canvas import Canvas, Colour, Point, Tube
 from scpf.sample_logs.street_looks import any_colour, grey
 
 
@@ -38,18 +38,31 @@ def billboard(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) 
     wide, low, high = rng.uniform(1.0, 3.5), rng.uniform(0.5, 2.4), rng.uniform(1.0, 2.5)
     canvas.tubes([Tube((x_m + s, 0, z_m), (x_m + s, low + high, z_m), *[rng.uniform(0.04, 0.09)] * 2)
                   for s in (-wide / 2, wide / 2)], grey(rng, 40, 220))  # fmt: skip
-    for inset, colour in ((0.0, grey(rng, 150, 250)), (0.12, any_colour(rng, 20, 250))):
-        x1, x2, y1, y2 = x_m - wide / 2 + inset, x_m + wide / 2 - inset, low + inset, low + high - inset
-        canvas.surface([(x1, y1, z_m), (x2, y1, z_m), (x2, y2, z_m), (x1, y2, z_m)], colour)
+    _framed(
+        canvas, (x_m - wide / 2, low, z_m), (wide, high), 0.12, grey(rng, 150, 250), any_colour(rng, 20, 250)
+    )
 
 
 def board(canvas: Canvas, rng: np.random.Generator, x_m: float, y_m: float, z_m: float) -> None:
     """A framed board, a poster or a box that hangs on a post; ``y_m``: its lower edge."""
     wide, high = ((0.2, 0.4), (0.45, 0.6), (0.7, 1.1))[rng.integers(3)] * rng.uniform(0.7, 1.4, 2)
     left = x_m - wide * rng.choice([0.5, rng.uniform(0.0, 1.0)])
-    for inset, colour in ((0.0, grey(rng, 20, 250)), (0.06, any_colour(rng, 20, 250))):
-        x1, x2, y1, y2 = left + inset, left + wide - inset, y_m + inset, y_m + high - inset
-        canvas.surface([(x1, y1, z_m), (x2, y1, z_m), (x2, y2, z_m), (x1, y2, z_m)], colour)
+    _framed(canvas, (left, y_m, z_m), (wide, high), 0.06, grey(rng, 20, 250), any_colour(rng, 20, 250))
+
+
+def _framed(
+    canvas: Canvas,
+    corner_m: Point,
+    size_m: tuple[float, float],
+    frame_m: float,
+    frame: Colour,
+    inside: Colour,
+) -> None:
+    """A rectangle that faces the camera, of two colours; ``corner_m``: its lower left one."""
+    (x, y, z), (wide, high) = corner_m, size_m
+    for inset, colour in ((0.0, frame), (frame_m, inside)):
+        x1, x2, y1, y2 = x + inset, x + wide - inset, y + inset, y + high - inset
+        canvas.surface([(x1, y1, z), (x2, y1, z), (x2, y2, z), (x1, y2, z)], colour)
 
 
 def fence(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:
