@@ -23,7 +23,7 @@ def flags(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> N
             Tube((x, tall, z_m), (x + beside, tall + 0.1, z_m), knob, knob * 0.6, rng.uniform(0.3, 0.9)),
         ]
         top = tall - rng.uniform(0.05, 0.3)
-        drop = top * rng.uniform(0.35, 0.7)
+        drop = top * rng.uniform(0.35, 0.8)
         half_way = canvas.camera.project([(x, top - drop / 2, z_m)])[0][0]
         seen = half_way[1] > 0  # a bare staff without its top may as well be a lamp post
         canvas.tubes(parts, staff, 0 if seen else IGNORED_ID)

@@ -88,3 +88,24 @@ def lumber(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> 
             )
         )
     canvas.tubes(tubes, grey(rng, 60, 200, 25))
+
+
+def site_fence(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:
+    """Panels of thin mesh whose tubes stand two by two in blocks of concrete, along the street or across."""
+    wide, high, count = rng.uniform(2.0, 3.5), rng.uniform(1.7, 2.3), int(rng.integers(1, 5))
+    across = rng.random() < 0.4
+    step = np.array((wide * np.sign(x_m), 0.0)) if across else np.array((0.0, wide))
+    r, metal, block = rng.uniform(0.018, 0.035), grey(rng, 60, 230), grey(rng, 70, 240)
+    mesh, gap = r * 0.2, rng.uniform(0.1, 0.25)
+    for i in reversed(range(count)):
+        first, last = np.array((x_m, z_m)) + i * step, np.array((x_m, z_m)) + (i + 0.96) * step
+        (xa, za), (xb, zb) = first.tolist(), last.tolist()
+        tubes = [Tube((x, 0.05, z), (x, high, z), r, r) for x, z in ((xa, za), (xb, zb))]
+        tubes += [Tube((xa, y, za), (xb, y, zb), r, r) for y in (0.2, high)]
+        tubes += [Tube((xa, y, za), (xb, y, zb), mesh, mesh) for y in np.arange(0.2, high, gap * 2)]
+        for u in np.arange(gap / wide, 1, gap / wide):
+            x, z = xa + u * (xb - xa), za + u * (zb - za)
+            tubes.append(Tube((x, 0.2, z), (x, high, z), mesh, mesh))
+        canvas.tubes(tubes, metal)
+        foot = [(x, y, za) for x, y in ((xa - 0.35, 0), (xa + 0.35, 0), (xa + 0.3, 0.16), (xa - 0.3, 0.16))]
+        canvas.surface(foot, block)

@@ -35,7 +35,7 @@ def plate(canvas: Canvas, rng: np.random.Generator, x_m: float, y_m: float, z_m:
 
 def billboard(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:
     """A board on two posts."""
-    wide, low, high = rng.uniform(1.0, 3.5), rng.uniform(0.5, 2.4), rng.uniform(1.0, 2.5)
+    wide, low, high = rng.uniform(1.0, 3.5), rng.uniform(0.5, 3.0), rng.uniform(1.0, 3.0)
     canvas.tubes([Tube((x_m + s, 0, z_m), (x_m + s, low + high, z_m), *[rng.uniform(0.04, 0.09)] * 2)
                   for s in (-wide / 2, wide / 2)], grey(rng, 40, 220))  # fmt: skip
     _framed(

@@ -20,7 +20,7 @@ from scpf.sample_logs import street_objects
 from scpf.sample_logs.street_canvas import Canvas
 from scpf.sample_logs.street_flags import flags
 from scpf.sample_logs.street_ground import LEFT, RIGHT, Street, paint_cables, paint_ground, paint_shadows
-from scpf.sample_logs.street_houses import facade, lumber, scaffold
+from scpf.sample_logs.street_houses import facade, lumber, scaffold, site_fence
 from scpf.sample_logs.street_lamps import LampDesign, lamp_post
 from scpf.sample_logs.street_looks import any_colour
 from scpf.sample_logs.street_plants import bush, tree
@@ -68,12 +68,15 @@ def _houses(street: Street, rng: np.random.Generator) -> list[Thing]:
         while z < 130:
             length, tall = rng.uniform(7, 24), rng.uniform(4, 20)
             x = street.x_m(side, set_back + rng.uniform(0, 2), z + length / 2)
-            found.append((z + length * 0.6, partial(_house, street.canvas, rng, side, x, z, length, tall)))
+            light = 1.0
             if rng.random() < 0.4:
+                light = rng.choice([1.0, rng.uniform(0.2, 0.7)])  # a shell without windows is dark
                 front = x - side * rng.uniform(0.8, 1.5)
                 found.append(
                     (z + length * 0.3, partial(scaffold, street.canvas, rng, front, z, length, tall))
                 )
+            house = partial(_house, street.canvas, rng, side, x, z, length, tall, light)
+            found.append((z + length * 0.6, house))
             z += length + (rng.uniform(1, 14) if rng.random() < 0.5 else 0.0)
     return found
 
@@ -86,10 +89,11 @@ def _house(
     z_m: float,
     length_m: float,
     height_m: float,
+    light: float,
 ) -> None:
     """Front along the street, gable towards the camera, a roof."""
     near, far, back = max(z_m, 2.0), z_m + length_m, x_m + side * rng.uniform(7, 14)
-    wall = facade(rng, length_m, height_m)
+    wall = np.asarray(facade(rng, length_m, height_m) * light, np.uint8)
     gable = np.clip(wall * rng.uniform(0.5, 1.3), 0, 255).astype(np.uint8)  # in another light
     canvas.texture([(x_m, 0, near), (back, 0, near), (back, height_m, near), (x_m, height_m, near)], gable)
     canvas.texture([(x_m, 0, near), (x_m, 0, far), (x_m, height_m, far), (x_m, height_m, near)], wall)
@@ -108,8 +112,9 @@ def _clutter(street: Street, rng: np.random.Generator) -> list[Thing]:
         (street_objects.sign_post, 5, 4.0),
         (street_objects.fence, 3, 4.0),
         (street_objects.billboard, 3, 6.0),
-        (flags, 4, 12.0),
+        (flags, 5, 10.0),
         (lumber, 2, 4.0),
+        (site_fence, 3, 4.0),
     )
     for side in (LEFT, RIGHT):
         for draw, most, nearest_m in furniture:

@@ -11,6 +11,7 @@ import pytest
 from scpf.models.labelled_images import IGNORED_ID
 from scpf.sample_logs.street_canvas import Canvas, StreetCamera, Tube
 from scpf.sample_logs.street_flags import flags
+from scpf.sample_logs.street_houses import site_fence
 from scpf.sample_logs.street_scenes import MOST_LAMPS, SIZES_PX, scene, write_scenes
 
 
@@ -57,6 +58,17 @@ def test_what_stands_before_a_pole_hides_it() -> None:
     assert (canvas.ids == 1).any()
     canvas.polygon(np.array([(0, 0), (320, 0), (320, 240), (0, 240)]), (1.0, 2.0, 3.0))
     assert not canvas.ids.any()
+
+
+def test_a_pole_is_seen_through_the_mesh_of_a_site_fence() -> None:
+    camera = StreetCamera(np.random.default_rng(0), 640, 480)
+    canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+    canvas.tubes([Tube((3, 0, 15), (3, 6, 15), 0.1, 0.1)], (90.0, 90.0, 90.0), 1)
+    before, there = canvas.image.copy(), np.count_nonzero(canvas.ids)
+    site_fence(canvas, np.random.default_rng(1), 1.0, 6.0)
+    assert (canvas.image != before).any(2).sum() > 2000
+    assert set(np.unique(canvas.ids).tolist()) == {0, 1}
+    assert 0.7 * there < np.count_nonzero(canvas.ids) <= there
 
 
 def test_a_flag_is_no_lamp_post_but_a_staff_without_its_cloth_may_be_one() -> None:
