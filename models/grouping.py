@@ -28,6 +28,7 @@ LEAST_CENTRE = 0.1  # a peak below is no candidate
 LEAST_PIXELS = 12
 MOST_CANDIDATES = 64
 LEAST_PART = 0.08  # smaller parts of an instance, as a share of its largest, are somebody else's pixels
+HEAD_PARTS = 8  # the head of a lamp post is looked for in the first of so many parts of its height
 PROBABILITY_RANGE = (1e-4, 1 - 1e-4)
 
 
@@ -35,26 +36,6 @@ def logit(probability: Floats | float) -> Floats:
     """Log-odds, of probabilities kept away from 0 and 1."""
     p = np.clip(np.asarray(probability, dtype=np.float64), *PROBABILITY_RANGE)
     return np.asarray(np.log(p / (1 - p)))
-
-
-@dataclass(frozen=True)
-class ScoreCalibration:
-    """Logistic regression that turns the evidence of a candidate into the probability that it is a light pole.
-
-    Platt (1999) with three regressors: the raw centre score of a rare peak is far below the share of such
-    candidates that are right.
-    """
-
-    centre_logit: float
-    mask_logit: float
-    log_height: float
-    constant: float
-
-    def probability(self, centre: float, mask_mean: float, height_px: float) -> float:
-        """From the centre's peak, the mean mask probability of the pixels and the height in network pixels."""
-        evidence = self.centre_logit * logit(centre) + self.mask_logit * logit(mask_mean)
-        evidence = evidence + self.log_height * np.log(max(height_px, 1.0)) + self.constant
-        return float(1 / (1 + np.exp(-evidence)))
 
 
 class Candidate(NamedTuple):
@@ -74,6 +55,57 @@ class Candidate(NamedTuple):
         """From the first to the last row of the mask, in network pixels."""
         rows = np.flatnonzero(self.mask.any(axis=1))
         return int(rows[-1] - rows[0]) + 1
+
+    @property
+    def width_px(self) -> float:
+        """The mean of the mask's rows, those left out in which it is hidden."""
+        return float(self.mask.sum() / np.count_nonzero(self.mask.any(axis=1)))
+
+    @property
+    def head(self) -> float:
+        """How much wider than the whole its first eighth is, where a lamp post has its arm and its lamp."""
+        rows = np.flatnonzero(self.mask.any(axis=1))
+        first = rows[rows < rows[0] + self.height_px / HEAD_PARTS]
+        return float(self.mask[first].sum() / len(first)) / self.width_px
+
+    @property
+    def evidence(self) -> NDArray[np.float64]:
+        """What the score is made of (6,): log-odds of centre and mask, logarithms of height, width (px) and head, 1."""
+        form = np.log([self.height_px, self.width_px, self.head])
+        return np.array([float(logit(self.centre)), float(logit(self.mask_mean)), *form, 1.0])
+
+
+@dataclass(frozen=True)
+class ScoreCalibration:
+    """Logistic regression that turns the evidence of a candidate into the probability that it is a light pole.
+
+    Platt (1999) with five regressors: the raw centre score of a rare peak is far below the share of such candidates
+    that are right; of two as high the stouter one is more often a flag or the post of a sign, and so is one without a
+    head. ``log_width`` and ``log_head`` are 0 in weights from before they were looked at.
+    """
+
+    centre_logit: float
+    mask_logit: float
+    log_height: float
+    constant: float
+    log_width: float = 0.0
+    log_head: float = 0.0
+
+    @classmethod
+    def of(cls, weights: NDArray[np.float64]) -> ScoreCalibration:
+        """From the weights (6,) of the evidence, in the order of `Candidate.evidence`."""
+        centre, mask, height, width, head, constant = weights.tolist()
+        return cls(centre, mask, height, constant, width, head)
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """Of the evidence (6,), in its order."""
+        form = (self.log_height, self.log_width, self.log_head)
+        return np.array([self.centre_logit, self.mask_logit, *form, self.constant])
+
+    def probability(self, candidate: Candidate) -> float:
+        """That the candidate is a light pole."""
+        return float(1 / (1 + np.exp(-(candidate.evidence @ self.weights))))
 
 
 def group(mask: Floats, centre: Floats, offsets: Floats, mask_threshold: float = 0.5) -> list[Candidate]:

@@ -7,7 +7,7 @@ fails the second and not the first; the score is the probability of the first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scpf.models.grouping import Candidate, ScoreCalibration, group, logit
+from scpf.models.grouping import Candidate, ScoreCalibration, group
 from scpf.models.labelled_images import IGNORED_ID, Ids, LabelledImage
 from scpf.models.polenet import NOT_CALIBRATED, PoleNet
 from scpf.models.polenet_inference import maps
@@ -60,20 +60,26 @@ class Judgement(NamedTuple):
     images: list[JudgedImage]
 
     def fit_calibration(self, part: slice = slice(None)) -> ScoreCalibration:
-        """Logistic regression of "is a light pole" on the evidence, by Newton's steps with a weak prior."""
+        """Logistic regression of "is a light pole" on the evidence."""
+        evidence, right = self._evidence(part)
+        return ScoreCalibration.of(_logistic(evidence, right)) if len(right) else NOT_CALIBRATED
+
+    def fit_scale(self, weighed: ScoreCalibration, part: slice = slice(None)) -> ScoreCalibration:
+        """The evidence ``weighed`` as it is, with slope and constant fitted, so that the order of the scores stays."""
+        evidence, right = self._evidence(part)
+        if not len(right):
+            return weighed
+        constant = evidence[:, -1]
+        slope, offset = _logistic(np.stack([evidence @ weighed.weights, constant], axis=1), right)
+        weights = weighed.weights * slope
+        weights[-1] += offset
+        return ScoreCalibration.of(weights)
+
+    def _evidence(self, part: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of every candidate (N, 6), and whether it is right (N,), 0 or 1."""
         verdicts = [v for image in self.images[part] for v in image.verdicts]
-        if not verdicts:
-            return NOT_CALIBRATED
-        evidence = np.array([[logit(v.candidate.centre), logit(v.candidate.mask_mean),
-                              np.log(v.candidate.height_px), 1.0] for v in verdicts], dtype=np.float64)  # fmt: skip
-        right = np.array([v.detected for v in verdicts], dtype=np.float64)
-        weights, prior = np.zeros(4), 1e-2
-        for _ in range(200):
-            p = 1 / (1 + np.exp(-evidence @ weights))
-            gradient = evidence.T @ (right - p) - prior * weights
-            curvature = (evidence * (p * (1 - p))[:, None]).T @ evidence + prior * np.eye(4)
-            weights += 0.5 * np.linalg.solve(curvature, gradient)
-        return ScoreCalibration(*(float(w) for w in weights))
+        evidence = np.array([v.candidate.evidence for v in verdicts])
+        return evidence, np.array([v.detected for v in verdicts], dtype=np.float64)
 
     def figures(self, calibration: ScoreCalibration, part: slice = slice(None)) -> dict[str, float]:
         """Pixel IoU, mask AP50; detection, precision, recall and mask IoU at each of `THRESHOLDS` of the score."""
@@ -81,10 +87,7 @@ class Judgement(NamedTuple):
         found = {"pixel_iou": sum(i.shared_px for i in images) / max(1, sum(i.either_px for i in images))}
         poles = sum(image.poles for image in images)
         verdicts = [v for image in images for v in image.verdicts]
-        scores = np.array(
-            [calibration.probability(v.candidate.centre, v.candidate.mask_mean, v.candidate.height_px)
-             for v in verdicts]
-        )  # fmt: skip
+        scores = np.array([calibration.probability(v.candidate) for v in verdicts])
         overlaps = np.array([v.overlap for v in verdicts])
         detected = np.array([v.detected for v in verdicts], dtype=bool)
         counting = np.array([v.counts for v in verdicts], dtype=bool)
@@ -103,6 +106,17 @@ class Judgement(NamedTuple):
         return {name: round(float(value), 4) for name, value in found.items()}
 
 
+def _logistic(evidence: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weights of the columns of ``evidence`` (N, K), the last of which is constant; Newton's steps, a weak prior."""
+    weights, prior = np.zeros(evidence.shape[1]), 1e-2
+    for _ in range(200):
+        p = 1 / (1 + np.exp(-evidence @ weights))
+        gradient = evidence.T @ (right - p) - prior * weights
+        curvature = (evidence * (p * (1 - p))[:, None]).T @ evidence + prior * np.eye(len(weights))
+        weights += 0.5 * np.linalg.solve(curvature, gradient)
+    return weights
+
+
 def average_precision(scores: NDArray[np.float64], right: NDArray[np.bool_], wanted: int) -> float:
     """COCO's average precision of detections (N,) of which some are ``right``, where ``wanted`` could be found.
 
@@ -115,7 +129,7 @@ def average_precision(scores: NDArray[np.float64], right: NDArray[np.bool_], wan
     return float(np.append(best, 0.0)[reached].mean())
 
 
-def judge(net: PoleNet, sources: Sequence[LabelledImage]) -> Judgement:
+def judge(net: PoleNet, sources: Iterable[LabelledImage]) -> Judgement:
     """Runs a folded ``net`` on images and compares its candidates with their ids, at the network's scale."""
     pictures = (source.read() for source in sources)
     return Judgement([_judge_image(net, picture.image, picture.ids()) for picture in pictures])

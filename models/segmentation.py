@@ -155,7 +155,7 @@ def instances(
     scale = (size[1] / shown_px[0], size[0] / shown_px[1])
     found = []
     for candidate in group(mask[: shown_px[1], : shown_px[0]], centre, offsets):
-        score = calibration.probability(candidate.centre, candidate.mask_mean, candidate.height_px)
+        score = calibration.probability(candidate)
         instance = at_full_resolution(candidate, scale, score) if score >= threshold else None
         if instance is not None:
             found.append(instance)

@@ -9,6 +9,7 @@ from scpf.models.grouping import (
     CENTRE_CELL_PX,
     OFFSET_CELL_PX,
     OFFSET_SCALE_PX,
+    Candidate,
     ScoreCalibration,
     group,
 )
@@ -75,10 +76,35 @@ def test_nothing_without_a_peak(peaks: list[float]) -> None:
 
 
 def test_calibration_is_a_probability_that_grows_with_the_evidence() -> None:
-    calibration = ScoreCalibration(1.2, 0.8, 0.3, 0.5)
-    scores = [calibration.probability(p, 0.9, 100) for p in (0.0, 0.2, 0.5, 0.9, 1.0)]
+    calibration = ScoreCalibration(1.2, 0.8, 0.3, 0.5, -2.0, 0.6)
+
+    def score(centre: float, height_px: int, width_px: int) -> float:
+        mask = np.ones((height_px, width_px), bool)
+        return calibration.probability(Candidate((0, 0), mask.astype(np.float32), mask, centre, 0.9))
+
+    scores = [score(p, 100, 4) for p in (0.0, 0.2, 0.5, 0.9, 1.0)]
     assert scores == sorted(scores)
     assert 0 < scores[0] < scores[-1] < 1
+    assert score(0.5, 100, 8) < score(0.5, 100, 4) < score(0.5, 200, 4)
+
+
+def test_rows_in_which_a_pole_is_hidden_do_not_make_it_slimmer() -> None:
+    mask = np.ones((100, 6), bool)
+    mask[30:60] = False
+    hidden = Candidate((0, 0), mask.astype(np.float32), mask, 0.9, 0.9)
+    assert (hidden.height_px, hidden.width_px, hidden.head) == (100, 6.0, 1.0)
+
+
+def test_a_lamp_is_wider_at_its_head() -> None:
+    mask = np.zeros((160, 30), bool)
+    mask[:, 2:6] = True
+    mask[:10] = True  # half of the first eighth
+    lamp = Candidate((0, 0), mask.astype(np.float32), mask, 0.9, 0.9)
+    assert lamp.head == pytest.approx(((30 + 4) / 2) / lamp.width_px)
+    upside_down = lamp._replace(mask=mask[::-1])
+    calibration = ScoreCalibration(1.0, 1.0, 0.5, -1.0, -0.5, 0.6)
+    assert upside_down.head < 1 < lamp.head
+    assert calibration.probability(upside_down) < calibration.probability(lamp)
 
 
 @pytest.mark.parametrize(

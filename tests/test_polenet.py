@@ -154,19 +154,24 @@ def test_a_folder_without_labels_is_refused(tmp_path: Path) -> None:
 def test_calibration_recovers_the_share_of_candidates_that_are_right() -> None:
     rng = np.random.default_rng(0)
     verdicts = []
-    for _ in range(800):
-        evidence = rng.uniform(0.05, 0.95)
-        right = rng.random() < 1 / (1 + np.exp(-2 * float(logit(evidence)) - 1))
-        mask = np.ones((int(rng.integers(30, 300)), 4), bool)
+    for _ in range(1600):
+        evidence, width_px = rng.uniform(0.05, 0.95), int(rng.integers(2, 12))
+        odds = 2 * float(logit(evidence)) + 3 - 1.5 * np.log(width_px)
+        right = rng.random() < 1 / (1 + np.exp(-odds))
+        mask = np.ones((int(rng.integers(30, 300)), width_px), bool)
         candidate = Candidate((0, 0), mask.astype(np.float32), mask, evidence, 0.8)
         verdicts.append(Verdict(candidate, right, float(right), True, 0.0))
     judged = Judgement([JudgedImage(verdicts, len(verdicts), 1, 1)])
     calibration = judged.fit_calibration()
     assert calibration.centre_logit == pytest.approx(2, abs=0.4)
+    assert calibration.log_width == pytest.approx(-1.5, abs=0.4)
+    assert calibration.log_height == pytest.approx(0, abs=0.3)
     assert judged.figures(calibration)["detection_precision_0.9"] > 0.93
-    scores = np.array(
-        [calibration.probability(v.candidate.centre, 0.8, v.candidate.height_px) for v in verdicts]
-    )
+    scores = np.array([calibration.probability(v.candidate) for v in verdicts])
+    elsewhere = ScoreCalibration.of(calibration.weights * 0.5 + [0, 0, 0, 0, 0, 3])
+    scaled = judged.fit_scale(elsewhere)  # the same order, other odds
+    assert scaled.weights[:-1] == pytest.approx(calibration.weights[:-1], abs=0.05)
+    assert scaled.constant == pytest.approx(calibration.constant, abs=0.1)
     assert scores.mean() == pytest.approx(np.mean([v.detected for v in verdicts]), abs=0.02)
 
 

@@ -1,0 +1,70 @@
+"""``scpf train segmenter --calibrate``: the score of weights fitted anew, to the pictures of another site."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from scpf.ingest.labelled_folders import labelled_images
+from scpf.models import polenet
+from scpf.models.errors import UsageError
+from scpf.models.labelled_images import LabelledImage, ids_images
+from scpf.models.polenet_inference import for_inference
+from scpf.models.polenet_validation import judge
+from scpf.sample_logs.street_scenes import write_scenes
+
+FIRST_SEED = (
+    2 * 10**6
+)  # of the scenes that the evidence is weighed on: no training and no validation paints them
+
+
+def calibrate_segmenter(
+    weights: Path,
+    data: Sequence[Path],
+    classes: Sequence[str],
+    output: Path,
+    painted: tuple[int, Path],
+    say: Callable[[str], None],
+) -> polenet.WeightsInfo:
+    """Writes ``weights`` to ``output`` with a score fitted to every other picture of ``data``; figures of the rest.
+
+    ``painted``: weighs the evidence on so many street scenes, kept in a folder, and fits only slope and constant to
+    ``data``: where pictures hold few false candidates, these teach more. Raises UsageError where fewer than two
+    pictures are given, and what loading and reading raise.
+    """
+    images: list[LabelledImage] = [image for path in data for image in labelled_images(path, classes)]
+    if len(images) < 2:
+        raise UsageError("fewer than two pictures to fit the score to", "name folders of labelled pictures")
+    net, info = polenet.load(weights)
+    folded = for_inference(net)
+    names = ", ".join(path.name for path in data)
+    fitted_to = f"score fitted to {(len(images) + 1) // 2} pictures of {names}"
+    scenes, folder = painted
+    judged = judge(folded, _told(images, say))
+    if scenes:
+        say(f"painting {scenes} scenes into {folder / 'weighed'}")
+        write_scenes(folder / "weighed", range(FIRST_SEED, FIRST_SEED + scenes))
+        weighed = judge(folded, _told(ids_images(folder / "weighed")[:scenes], say)).fit_calibration()
+        calibration = judged.fit_scale(weighed, np.s_[0::2])
+        fitted_to += f", its evidence weighed on {scenes} painted scenes"
+    else:
+        calibration = judged.fit_calibration(np.s_[0::2])
+    fitted = replace(
+        info,
+        calibration=calibration,
+        figures=judged.figures(calibration, np.s_[1::2]),
+        trained_on=f"{info.trained_on}; {fitted_to}",
+    )
+    polenet.save(output, net, fitted)
+    return fitted
+
+
+def _told(images: Sequence[LabelledImage], say: Callable[[str], None]) -> Iterator[LabelledImage]:
+    """The images, and word of every twentieth."""
+    for done, image in enumerate(images, start=1):
+        yield image
+        if done % 20 == 0 or done == len(images):
+            say(f"{done} of {len(images)} pictures")
