@@ -27,6 +27,7 @@ from scpf.models.errors import InputError, MissingError
 from scpf.models.grouping import ScoreCalibration
 from scpf.models.whole_files import whole
 
+SHIPPED = "polenet"
 FORMAT = "scpf-polenet"
 FORMAT_VERSION = 2
 
@@ -162,6 +163,11 @@ def read_info(path: Path, text: str) -> WeightsInfo:
         return WeightsInfo(**fields)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: the description of the weights is damaged ({error})") from error
+
+
+def weights_path(name: str | Path) -> Path:
+    """The file of a name: ``polenet`` for the weights that come with scpf, else a path."""
+    return Path(__file__).with_name(f"{SHIPPED}.safetensors") if str(name) == SHIPPED else Path(name)
 
 
 def load(path: Path) -> tuple[PoleNet, WeightsInfo]:

@@ -98,7 +98,7 @@ def load_polenet(
     keep_freed_memory()
     if threads is not None:
         torch.set_num_threads(threads)
-    net, info = polenet.load(path or Path(__file__).with_name("polenet.safetensors"))
+    net, info = polenet.load(path or polenet.weights_path(polenet.SHIPPED))
     return PoleNetSegmenter(net.to(devices.choose(device)), info, threshold, bfloat16)
 
 

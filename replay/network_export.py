@@ -21,7 +21,6 @@ Precision = Literal["int8", "float32"]
 PICTURES: Final = 24
 """So many pictures show the ranges well enough; each costs half a second."""
 
-SHIPPED: Final = "polenet"
 _FIRST_SEED: Final = 700_000  # of painted scenes that no training saw
 
 
@@ -43,8 +42,7 @@ def export_network(
         raise UsageError(f"{output}: an ONNX network ends in .onnx")
     if output.exists() and not overwrite:
         raise InputError(f"{output} exists", "use --overwrite, or another name")
-    path = Path(polenet.__file__).with_name("polenet.safetensors") if weights == SHIPPED else Path(weights)
-    net, info = polenet.load(path)
+    net, info = polenet.load(polenet.weights_path(weights))
     if precision == "float32":
         export(net, info, output)
         return f"{output}: single precision"

@@ -54,7 +54,7 @@ def train_segmenter(
 
     Examples:
 
-        scpf train segmenter labelled_campus --start polenet.safetensors -o campus.safetensors
+        scpf train segmenter labelled_campus --start polenet -o campus.safetensors
 
         scpf train segmenter --scenes 1500 --steps 2500 -o polenet.safetensors
 
@@ -62,7 +62,7 @@ def train_segmenter(
 
         scpf train segmenter --evaluate campus.safetensors campus_other_day --pictures false_positives
 
-        scpf train segmenter --calibrate polenet.safetensors labelled_campus -o campus.safetensors
+        scpf train segmenter --calibrate polenet labelled_campus -o campus.safetensors
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ def train_segmenter(
         Train nothing: print the figures of these weights, or of a segmenter by name, on DATA: COCO's mask and box AP,
         precision and recall, thickness error, by distance and visibility where the labels say them.
     calibrate
-        Train nothing: fit the score of these weights to every other picture of DATA, so that on a new site it means
-        what it says, and write them to --output; the figures are of the other half.
+        Train nothing: fit the score of these weights (a file, or polenet) to every other picture of DATA, so that on a
+        new site it means what it says, and write them to --output; the figures are of the other half.
     validate
         Pictures to judge by; nothing of DATA is held out then. Take another drive: the frames of one resemble each
         other.
@@ -101,7 +101,7 @@ def train_segmenter(
     patience
         Stop after so many validations (one every 300 steps) without a better mask AP; 0 never does.
     start
-        Weights to go on from.
+        Weights to go on from: a file, or polenet for those that come with scpf.
     device
         Where to compute; a GPU computes in mixed precision.
     workers
@@ -132,9 +132,8 @@ def train_segmenter(
     import json
 
     from scpf.ingest.labelled_folders import DEFAULT_CLASSES
-    from scpf.models import devices
+    from scpf.models import devices, polenet
     from scpf.models.errors import InputError, UsageError
-    from scpf.models.polenet import WeightsInfo
     from scpf.models.polenet_training import TrainingSettings
     from scpf.models.segmentation_evaluation import EvaluationSettings
     from scpf.replay.segmenter_calibration import calibrate_segmenter
@@ -154,7 +153,7 @@ def train_segmenter(
         print(complete if format == "json" else text)
         return 0
 
-    def written(info: WeightsInfo, **more: str) -> int:
+    def written(info: polenet.WeightsInfo, **more: str) -> int:
         document = {"output": str(output), **more, "figures": dict(info.figures)}
         lines = [f"{name:<32} {value:.3f}" for name, value in info.figures.items()]
         return show(document, "\n".join([*lines, str(output)]))
@@ -173,10 +172,6 @@ def train_segmenter(
         return show(document, table(document))
     if output is None:
         raise UsageError("no --output", "name the weights to write: -o NAME.safetensors")
-    if calibrate is not None:
-        return written(
-            calibrate_segmenter(calibrate, list(data or []), wanted, output, (scenes, scenes_folder), say)
-        )
     if (
         scenes < 0 or steps < 1 or minutes <= 0 or patience < 0 or workers < 1
         or not 0 < held_out < 1 or not 0 < learning_rate <= 1 or not 0 <= pasted <= 1
@@ -185,8 +180,11 @@ def train_segmenter(
             "--steps, --minutes and --workers are positive, --scenes and --patience not negative, "
             "--held-out, --learning-rate and --pasted are between 0 and 1"
         )
-    chosen = devices.choose(device)
     painted = (scenes, scenes_folder)
+    if calibrate is not None:
+        weights = polenet.weights_path(calibrate)
+        return written(calibrate_segmenter(weights, list(data or []), wanted, output, painted, say))
+    chosen = devices.choose(device)
     gathered = gather(list(data or []), list(validate or []), wanted, held_out, seed, painted, say)
     say(f"{gathered.counted}, on {chosen}")
     settings = TrainingSettings(
@@ -195,7 +193,7 @@ def train_segmenter(
         pasted=pasted,
         limit_s=60 * minutes,
         patience=patience,
-        start=start,
+        start=None if start is None else polenet.weights_path(start),
         device=chosen.type,
         workers=workers,
     )

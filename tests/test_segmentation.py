@@ -82,7 +82,7 @@ def test_a_mask_is_enlarged_to_the_image() -> None:
 
 def test_the_shipped_network_finds_poles_and_little_else(segmenter: segmentation.PoleNetSegmenter) -> None:
     found = right = 0
-    for seed in (900_000, 900_002, 900_003, 900_006, 900_008, 900_009):  # far from the seeds of the training
+    for seed in range(900_000, 900_012):  # far from the seeds of the training
         image, ids = scene_rgb(seed)
         instances = segmenter(image)
         assert [i.score for i in instances] == sorted((i.score for i in instances), reverse=True)
@@ -91,7 +91,7 @@ def test_the_shipped_network_finds_poles_and_little_else(segmenter: segmentation
         # A quarter: the masks of poles of two pixels are a pixel too wide or too narrow.
         right += sum(any(overlap(instance, ids, i) >= 0.25 for i in poles) for instance in instances)
         found += len(instances)
-    assert right >= 12
+    assert right >= 25
     assert right / found > 0.7
 
 

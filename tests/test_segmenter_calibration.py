@@ -18,7 +18,7 @@ from scpf.models.segmentation import load
 from scpf.replay.cli import run
 from scpf.sample_logs.street_scenes import scene, write_scenes
 
-WEIGHTS = Path(polenet.__file__).with_name("polenet.safetensors")
+WEIGHTS = polenet.weights_path("polenet")
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_the_score_is_fitted_anew_and_the_network_stays(
     site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = tmp_path / "site.safetensors"
-    command = ["train", "segmenter", "--calibrate", str(WEIGHTS), str(site), "-o", str(output)]
+    command = ["train", "segmenter", "--calibrate", "polenet", str(site), "-o", str(output)]
     assert run([*command, "--format", "json"]) == 0
     told = capsys.readouterr()
     assert "4 of 4 pictures" in told.err
@@ -67,6 +67,7 @@ def test_painted_scenes_weigh_the_evidence_and_the_site_sets_the_odds(site: Path
     [
         (["-o", "a.safetensors"], "fewer than two pictures"),
         (["SITE"], "no --output"),
+        (["SITE", "-o", "a.safetensors", "--scenes", "-1"], "not negative"),
         (["SITE", "-o", "a.safetensors", "--evaluate", "polenet"], "both --evaluate and --calibrate"),
     ],
 )
