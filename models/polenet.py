@@ -27,7 +27,7 @@ from scpf.models.errors import InputError, MissingError
 from scpf.models.grouping import ScoreCalibration
 from scpf.models.whole_files import whole
 
-SHIPPED = "polenet"
+SHIPPED = "polenet"  # the name of the weights that come with scpf
 FORMAT = "scpf-polenet"
 FORMAT_VERSION = 2
 

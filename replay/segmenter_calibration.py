@@ -16,9 +16,8 @@ from scpf.models.polenet_inference import for_inference
 from scpf.models.polenet_validation import judge
 from scpf.sample_logs.street_scenes import write_scenes
 
-FIRST_SEED = (
-    2 * 10**6
-)  # of the scenes that the evidence is weighed on: no training and no validation paints them
+FIRST_SEED = 2 * 10**6
+"""Of the scenes that the evidence is weighed on: no training and no validation paints them."""
 
 
 def calibrate_segmenter(
