@@ -6,6 +6,7 @@ by side rather than one above the other.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -32,10 +33,32 @@ HEAD_PARTS = 8  # the head of a lamp post is looked for in the first of so many 
 PROBABILITY_RANGE = (1e-4, 1 - 1e-4)
 
 
-def logit(probability: Floats | float) -> Floats:
-    """Log-odds, of probabilities kept away from 0 and 1."""
-    p = np.clip(np.asarray(probability, dtype=np.float64), *PROBABILITY_RANGE)
-    return np.asarray(np.log(p / (1 - p)))
+def logit(probability: float) -> float:
+    """Log-odds, of a probability kept away from 0 and 1."""
+    p = min(max(probability, PROBABILITY_RANGE[0]), PROBABILITY_RANGE[1])
+    return math.log(p / (1 - p))
+
+
+class Form(NamedTuple):
+    """Of a candidate's mask, in network pixels.
+
+    ``height_px``: from its first to its last row; ``width_px``: the mean of its rows, those left out in which it is
+    hidden; ``head``: how much wider than the whole its first eighth is, where a lamp post has its arm and its lamp.
+    """
+
+    height_px: int
+    width_px: float
+    head: float
+
+    @classmethod
+    def of(cls, mask: BoolMask) -> Form:
+        """From a mask (h, w), which is not empty."""
+        widths = np.count_nonzero(mask, axis=1)
+        rows = np.flatnonzero(widths)
+        height_px = int(rows[-1] - rows[0]) + 1
+        width_px = float(widths.sum() / len(rows))
+        first = widths[rows[rows < rows[0] + height_px / HEAD_PARTS]]
+        return cls(height_px, width_px, float(first.sum() / len(first)) / width_px)
 
 
 class Candidate(NamedTuple):
@@ -51,28 +74,10 @@ class Candidate(NamedTuple):
     mask_mean: float
 
     @property
-    def height_px(self) -> int:
-        """From the first to the last row of the mask, in network pixels."""
-        rows = np.flatnonzero(self.mask.any(axis=1))
-        return int(rows[-1] - rows[0]) + 1
-
-    @property
-    def width_px(self) -> float:
-        """The mean of the mask's rows, those left out in which it is hidden."""
-        return float(self.mask.sum() / np.count_nonzero(self.mask.any(axis=1)))
-
-    @property
-    def head(self) -> float:
-        """How much wider than the whole its first eighth is, where a lamp post has its arm and its lamp."""
-        rows = np.flatnonzero(self.mask.any(axis=1))
-        first = rows[rows < rows[0] + self.height_px / HEAD_PARTS]
-        return float(self.mask[first].sum() / len(first)) / self.width_px
-
-    @property
     def evidence(self) -> NDArray[np.float64]:
         """What the score is made of (6,): log-odds of centre and mask, logarithms of height, width (px) and head, 1."""
-        form = np.log([self.height_px, self.width_px, self.head])
-        return np.array([float(logit(self.centre)), float(logit(self.mask_mean)), *form, 1.0])
+        form = (math.log(value) for value in Form.of(self.mask))
+        return np.array([logit(self.centre), logit(self.mask_mean), *form, 1.0])
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from math import isfinite
@@ -148,7 +148,7 @@ class Evaluation:
 
 def evaluate(
     segment: Segmenter,
-    images: Sequence[LabelledImage],
+    images: Iterable[LabelledImage],
     settings: EvaluationSettings,
     progress: Callable[[int, Judged, Picture], None] = lambda done, judged, picture: None,
 ) -> Evaluation:

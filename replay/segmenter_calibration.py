@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +11,10 @@ import numpy as np
 from scpf.ingest.labelled_folders import labelled_images
 from scpf.models import polenet
 from scpf.models.errors import UsageError
-from scpf.models.labelled_images import LabelledImage, ids_images
+from scpf.models.labelled_images import LabelledImage
 from scpf.models.polenet_inference import for_inference
 from scpf.models.polenet_validation import judge
-from scpf.sample_logs.street_scenes import write_scenes
+from scpf.replay.segmenter_data import paint, told
 
 FIRST_SEED = 2 * 10**6
 """Of the scenes that the evidence is weighed on: no training and no validation paints them."""
@@ -42,11 +42,10 @@ def calibrate_segmenter(
     names = ", ".join(path.name for path in data)
     fitted_to = f"score fitted to {(len(images) + 1) // 2} pictures of {names}"
     scenes, folder = painted
-    judged = judge(folded, _told(images, say))
+    judged = judge(folded, told(images, say))
     if scenes:
-        say(f"painting {scenes} scenes into {folder / 'weighed'}")
-        write_scenes(folder / "weighed", range(FIRST_SEED, FIRST_SEED + scenes))
-        weighed = judge(folded, _told(ids_images(folder / "weighed")[:scenes], say)).fit_calibration()
+        weighing = paint(folder / "weighed", range(FIRST_SEED, FIRST_SEED + scenes), say)[:scenes]
+        weighed = judge(folded, told(weighing, say)).fit_calibration()
         calibration = judged.fit_scale(weighed, np.s_[0::2])
         fitted_to += f", its evidence weighed on {scenes} painted scenes"
     else:
@@ -59,11 +58,3 @@ def calibrate_segmenter(
     )
     polenet.save(output, net, fitted)
     return fitted
-
-
-def _told(images: Sequence[LabelledImage], say: Callable[[str], None]) -> Iterator[LabelledImage]:
-    """The images, and word of every twentieth."""
-    for done, image in enumerate(images, start=1):
-        yield image
-        if done % 20 == 0 or done == len(images):
-            say(f"{done} of {len(images)} pictures")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from scpf.ingest.labelled_folders import labelled_images
 from scpf.models.errors import UsageError
-from scpf.models.labelled_images import LabelledImage, ids_images, split
+from scpf.models.labelled_images import IdsImage, LabelledImage, ids_images, split
 from scpf.sample_logs.street_scenes import write_scenes
 
 
@@ -52,13 +52,9 @@ def gather(
         judged += kept
         counted.append(f"{len(rest)} pictures of {path.name}")
     if scenes:
+        training.append([*paint(folder / "train", range(scenes), report)])
         # Seeds of the held-out scenes lie apart, so that a larger --scenes never trains on them.
-        parts = {"train": range(scenes)} | ({} if validate else {"held_out": _apart(scenes)})
-        for name, seeds in parts.items():
-            report(f"painting {len(seeds)} scenes into {folder / name}")
-            write_scenes(folder / name, seeds)
-        training.append([*ids_images(folder / "train")])
-        judged += [] if validate else ids_images(folder / "held_out")
+        judged += [] if validate else paint(folder / "held_out", _apart(scenes), report)
         counted.append(f"{scenes} painted scenes")
     if len(judged) < 2:
         raise UsageError("fewer than two pictures are held out to judge by", "give --validate, or label more")
@@ -68,6 +64,21 @@ def gather(
     if twice:
         raise UsageError(f"{min(twice)}: to train on and to judge by", "give --validate other pictures")
     return TrainingPictures(training, judged, f"{', '.join(counted)}; {len(judged)} held out")
+
+
+def paint(folder: Path, seeds: range, report: Callable[[str], None]) -> list[IdsImage]:
+    """Paints the street scenes of ``seeds`` into ``folder``; all that lie there then."""
+    report(f"painting {len(seeds)} scenes into {folder}")
+    write_scenes(folder, seeds)
+    return ids_images(folder)
+
+
+def told(images: Sequence[LabelledImage], report: Callable[[str], None]) -> Iterator[LabelledImage]:
+    """The images, and word of every twentieth that is done with."""
+    for done, image in enumerate(images, start=1):
+        yield image
+        if done % 20 == 0 or done == len(images):
+            report(f"{done} of {len(images)} pictures")
 
 
 def _apart(scenes: int) -> range:

@@ -17,6 +17,7 @@ from scpf.models.labelled_images import LabelledImage, Picture
 from scpf.models.polygons import outlines
 from scpf.models.segmentation import load
 from scpf.models.segmentation_evaluation import EvaluationSettings, Judged, evaluate
+from scpf.replay.segmenter_data import told
 
 LEAST_SCORE = 0.05
 """The average precision asks for doubtful detections, too."""
@@ -46,13 +47,11 @@ def evaluate_segmenter(
     images: list[LabelledImage] = [image for path in data for image in labelled_images(path, classes)]
     segment = load(segmenter, threshold=LEAST_SCORE)
 
-    def progress(done: int, judged: Judged, picture: Picture) -> None:
+    def draw(done: int, judged: Judged, picture: Picture) -> None:
         if pictures is not None:
             _draw(pictures, done, judged, picture, settings.threshold)
-        if done % 20 == 0 or done == len(images):
-            say(f"{done} of {len(images)} pictures")
 
-    document = evaluate(segment, images, settings, progress).document()
+    document = evaluate(segment, told(images, say), settings, draw).document()
     return {"segmenter": Path(segmenter).name, "data": [str(path) for path in data], **document}
 
 

@@ -10,6 +10,7 @@ from scpf.models.grouping import (
     OFFSET_CELL_PX,
     OFFSET_SCALE_PX,
     Candidate,
+    Form,
     ScoreCalibration,
     group,
 )
@@ -91,8 +92,7 @@ def test_calibration_is_a_probability_that_grows_with_the_evidence() -> None:
 def test_rows_in_which_a_pole_is_hidden_do_not_make_it_slimmer() -> None:
     mask = np.ones((100, 6), bool)
     mask[30:60] = False
-    hidden = Candidate((0, 0), mask.astype(np.float32), mask, 0.9, 0.9)
-    assert (hidden.height_px, hidden.width_px, hidden.head) == (100, 6.0, 1.0)
+    assert Form.of(mask) == (100, 6.0, 1.0)
 
 
 def test_a_lamp_is_wider_at_its_head() -> None:
@@ -100,10 +100,11 @@ def test_a_lamp_is_wider_at_its_head() -> None:
     mask[:, 2:6] = True
     mask[:10] = True  # half of the first eighth
     lamp = Candidate((0, 0), mask.astype(np.float32), mask, 0.9, 0.9)
-    assert lamp.head == pytest.approx(((30 + 4) / 2) / lamp.width_px)
+    form, upside_down_form = Form.of(mask), Form.of(mask[::-1])
+    assert form.head == pytest.approx(((30 + 4) / 2) / form.width_px)
     upside_down = lamp._replace(mask=mask[::-1])
     calibration = ScoreCalibration(1.0, 1.0, 0.5, -1.0, -0.5, 0.6)
-    assert upside_down.head < 1 < lamp.head
+    assert upside_down_form.head < 1 < form.head
     assert calibration.probability(upside_down) < calibration.probability(lamp)
 
 
@@ -124,7 +125,9 @@ def test_parts_in_one_line_are_one_pole(poles: list[tuple[int, int, int, int]], 
     assert len(found) == count
     if count == 1:
         assert found[0].centre == pytest.approx(0.9)
-        assert found[0].height_px == max(y2 for *_, y2 in poles) - min(y1 for _, _, y1, _ in poles)
+        assert Form.of(found[0].mask).height_px == max(y2 for *_, y2 in poles) - min(
+            y1 for _, _, y1, _ in poles
+        )
         assert found[0].mask.sum() == sum((x2 - x1) * (y2 - y1) for x1, x2, y1, y2 in poles)
 
 
@@ -132,7 +135,7 @@ def test_three_parts_are_one_pole_in_any_order_of_their_peaks() -> None:
     parts = [(40, 46, 20, 80), (40, 46, 80, 150), (40, 46, 150, 220)]
     for peaks in ([0.9, 0.6, 0.7], [0.6, 0.9, 0.7], [0.7, 0.6, 0.9]):
         (whole,) = group(*pole_maps(parts, peaks))
-        assert whole.height_px == 200 and whole.centre == pytest.approx(0.9)
+        assert Form.of(whole.mask).height_px == 200 and whole.centre == pytest.approx(0.9)
 
 
 def test_peaks_on_one_wide_pole_are_one_however_their_parts_are_cut() -> None:

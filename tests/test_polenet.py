@@ -156,7 +156,7 @@ def test_calibration_recovers_the_share_of_candidates_that_are_right() -> None:
     verdicts = []
     for _ in range(1600):
         evidence, width_px = rng.uniform(0.05, 0.95), int(rng.integers(2, 12))
-        odds = 2 * float(logit(evidence)) + 3 - 1.5 * np.log(width_px)
+        odds = 2 * logit(evidence) + 3 - 1.5 * np.log(width_px)
         right = rng.random() < 1 / (1 + np.exp(-odds))
         mask = np.ones((int(rng.integers(30, 300)), width_px), bool)
         candidate = Candidate((0, 0), mask.astype(np.float32), mask, evidence, 0.8)
