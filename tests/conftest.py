@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
+from typing import Any
 
+import cv2
 import hypothesis
+import numpy as np
 import pytest
+from label_files import HEIGHT, WIDTH, Read
+
+from scpf.ingest.labelled_folders import labelled_images
+from scpf.models.labelled_images import LabelledObject
 
 # At home every run tries other examples; where a result decides over a change, it depends on the change alone.
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None)
@@ -34,3 +42,22 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     options += ["--map-error", "0.3", "--workers", "1", "--raw", str(folder / "raw"), "-q"]
     assert run(["simulate", "-o", str(folder / "drive.mcap"), *options]) == 0
     return folder
+
+
+@pytest.fixture
+def label_folder(tmp_path: Path) -> Path:
+    """A folder with a picture to label, a.jpg."""
+    noise = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "a.jpg"), noise)
+    return tmp_path
+
+
+@pytest.fixture
+def read_labels(label_folder: Path) -> Read:
+    """Reads labelme's or COCO's document for that picture to its objects."""
+
+    def of(document: dict[str, Any]) -> list[LabelledObject]:
+        (label_folder / "a.json").write_text(json.dumps(document))
+        return labelled_images(label_folder)[0].read().objects
+
+    return of

@@ -11,9 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from applanix_encoders import (
-    boreas,
     drive,
-    ethernet,
     grp,
     grp_1,
     grp_2,
@@ -25,20 +23,13 @@ from applanix_encoders import (
     gsof_50,
     gsof_packets,
     gsof_record,
-    ipv4,
-    mutated,
-    nmea,
-    nmea_bodies,
-    nmea_sentence,
-    pcap,
-    pcapng,
     pos_message,
-    pospac,
     sbet,
     smrmsg,
-    tcp,
-    udp,
 )
+from mutations import mutated
+from navigation_text_encoders import boreas, nmea, nmea_bodies, nmea_sentence, pospac
+from packet_encoders import ethernet, ipv4, pcap, pcapng, tcp, udp
 
 from scpf.ingest import applanix
 from scpf.ingest.read_report import ReadOptions

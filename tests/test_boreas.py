@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from applanix_encoders import boreas
+from navigation_text_encoders import boreas
 
 from scpf.ingest import boreas as reader
 from scpf.ingest.navigation import Navigation

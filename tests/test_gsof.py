@@ -8,18 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from applanix_encoders import (
-    drive,
-    ethernet,
-    gsof,
-    gsof_16,
-    gsof_49,
-    gsof_packets,
-    gsof_record,
-    ipv4,
-    pcap,
-    tcp,
-)
+from applanix_encoders import drive, gsof, gsof_16, gsof_49, gsof_packets, gsof_record
+from packet_encoders import ethernet, ipv4, pcap, tcp
 
 from scpf.ingest import gsof as reader
 from scpf.ingest.navigation import Navigation

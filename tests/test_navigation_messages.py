@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from applanix_encoders import drive, gsof, nmea, sbet
+from applanix_encoders import drive, gsof, sbet
+from navigation_text_encoders import nmea
 
 from scpf.ingest import applanix, messages
 from scpf.ingest.navigation import Navigation

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from applanix_encoders import drive, ethernet, ipv4, nmea, nmea_bodies, nmea_sentence, pcap, udp
+from applanix_encoders import drive
+from navigation_text_encoders import nmea, nmea_bodies, nmea_sentence
+from packet_encoders import ethernet, ipv4, pcap, udp
 
 from scpf.ingest import nmea as reader
 from scpf.ingest.navigation import Navigation

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from applanix_encoders import ethernet, ipv4, ipv6, pcap, pcapng, tcp, udp
+from packet_encoders import ethernet, ipv4, ipv6, pcap, pcapng, tcp, udp
 
 from scpf.ingest import pcap as reader
 from scpf.ingest.capture_links import TCP, UDP

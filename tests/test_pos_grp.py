@@ -8,18 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from applanix_encoders import (
-    drive,
-    ethernet,
-    grp,
-    grp_1,
-    grp_head,
-    ipv4,
-    pcap,
-    pos_message,
-    tcp,
-    udp,
-)
+from applanix_encoders import drive, grp, grp_1, grp_head, pos_message
+from packet_encoders import ethernet, ipv4, pcap, tcp, udp
 
 from scpf.ingest import pos_grp
 from scpf.ingest.navigation import Navigation

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from applanix_encoders import POSPAC_HEADER, drive, pospac
+from applanix_encoders import drive
+from navigation_text_encoders import POSPAC_HEADER, pospac
 
 from scpf.ingest import pospac as reader
 from scpf.ingest.navigation import Navigation

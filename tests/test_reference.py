@@ -8,7 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from applanix_encoders import LEAP, drive, gsof, nmea, sbet
+from applanix_encoders import LEAP, drive, gsof, sbet
+from navigation_text_encoders import nmea
 
 from scpf.ingest.calibration import to_yaml
 from scpf.ingest.drive_log import DriveLog
