@@ -10,7 +10,7 @@ import numpy as np
 
 from scpf.ingest.labelled_folders import labelled_images
 from scpf.models import polenet
-from scpf.models.errors import UsageError
+from scpf.models.errors import InputError, UsageError
 from scpf.models.labelled_images import LabelledImage
 from scpf.models.polenet_inference import for_inference
 from scpf.models.polenet_validation import judge
@@ -18,6 +18,9 @@ from scpf.replay.segmenter_data import paint, told
 
 FIRST_SEED = 2 * 10**6
 """Of the scenes that the evidence is weighed on: no training and no validation paints them."""
+
+FEWEST_TO_WEIGH = 100
+"""Candidates without which six weights are not to be told: the order of the scores then stays as it was."""
 
 
 def calibrate_segmenter(
@@ -31,8 +34,9 @@ def calibrate_segmenter(
     """Writes ``weights`` to ``output`` with a score fitted to every other picture of ``data``; figures of the rest.
 
     ``painted``: weighs the evidence on so many street scenes, kept in a folder, and fits only slope and constant to
-    ``data``: where pictures hold few false candidates, these teach more. Raises UsageError where fewer than two
-    pictures are given, and what loading and reading raise.
+    ``data``: where pictures hold few false candidates, these teach more. Without them, fewer candidates than
+    `FEWEST_TO_WEIGH` set slope and constant alone, too. Raises UsageError where fewer than two pictures are given,
+    InputError where the weights find no pole in those fitted to, and what loading and reading raise.
     """
     images: list[LabelledImage] = [image for path in data for image in labelled_images(path, classes)]
     if len(images) < 2:
@@ -43,11 +47,19 @@ def calibrate_segmenter(
     fitted_to = f"score fitted to {(len(images) + 1) // 2} pictures of {names}"
     scenes, folder = painted
     judged = judge(folded, told(images, say))
+    right = [verdict.detected for image in judged.images[0::2] for verdict in image.verdicts]
+    if not any(right):
+        text = f"{names}: none of the {len(right)} candidates in every other picture is a labelled pole"
+        raise InputError(text, "label more pictures, or train with --start")
     if scenes:
         weighing = paint(folder / "weighed", range(FIRST_SEED, FIRST_SEED + scenes), say)[:scenes]
         weighed = judge(folded, told(weighing, say)).fit_calibration()
         calibration = judged.fit_scale(weighed, np.s_[0::2])
         fitted_to += f", its evidence weighed on {scenes} painted scenes"
+    elif len(right) < FEWEST_TO_WEIGH:
+        calibration = judged.fit_scale(info.calibration, np.s_[0::2])
+        fitted_to += f", {len(right)} candidates: slope and constant alone"
+        say(f"{fitted_to} (more pictures, or --scenes 600, weigh the evidence anew)")
     else:
         calibration = judged.fit_calibration(np.s_[0::2])
     fitted = replace(

@@ -75,7 +75,8 @@ def train_segmenter(
         precision and recall, thickness error, by distance and visibility where the labels say them.
     calibrate
         Train nothing: fit the score of these weights (a file, or polenet) to every other picture of DATA, so that on a
-        new site it means what it says, and write them to --output; the figures are of the other half.
+        new site it means what it says, and write them to --output; the figures are of the other half. Fewer than 100
+        candidates in these pictures leave the order of the scores as it is.
     validate
         Pictures to judge by; nothing of DATA is held out then. Take another drive: the frames of one resemble each
         other.

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -41,12 +43,46 @@ def test_the_score_is_fitted_anew_and_the_network_stays(
     assert json.loads(told.out) == {"output": str(output), "figures": now.figures}
     assert all(torch.equal(value, after.state_dict()[name]) for name, value in before.state_dict().items())
     assert now.calibration != was.calibration and now.figures != was.figures
-    assert now.trained_on == f"{was.trained_on}; score fitted to 2 pictures of {site.name}"
+    found = judge(for_inference(before), ids_images(site)).images[0::2]
+    candidates = sum(len(image.verdicts) for image in found)
+    fitted_to = (
+        f"score fitted to 2 pictures of {site.name}, {candidates} candidates: slope and constant alone"
+    )
+    assert now.trained_on == f"{was.trained_on}; {fitted_to}" and fitted_to in told.err
+    kept = now.calibration.weights[:-1] / was.calibration.weights[:-1]
+    assert np.allclose(kept, kept[0])
     image = scene(900_010)[0][..., ::-1]
     old, new = load("polenet", threshold=0.02)(image), load(output, threshold=0.02)(image)
     assert new and {found.box_px for found in new} & {found.box_px for found in old}
     assert run(command) == 1  # it is there already
     assert run([*command, "--overwrite", "-q"]) == 0
+
+
+def test_many_candidates_weigh_the_evidence(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scpf.replay.segmenter_calibration.FEWEST_TO_WEIGH", 3)
+    output = tmp_path / "site.safetensors"
+    assert run(["train", "segmenter", "--calibrate", "polenet", str(site), "-o", str(output), "-q"]) == 0
+    judged = judge(for_inference(polenet.load(WEIGHTS)[0]), ids_images(site))
+    fitted = judged.fit_calibration(np.s_[0::2])
+    assert polenet.load(output)[1].calibration.weights == pytest.approx(fitted.weights)
+
+
+def test_pictures_without_a_found_pole_fit_no_score(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blank = tmp_path / "blank"
+    blank.mkdir()
+    for picture in sorted(site.glob("*.jpg")):
+        shutil.copyfile(picture, blank / picture.name)
+        labels = cv2.imread(str(picture.with_suffix(".png")), cv2.IMREAD_GRAYSCALE)
+        cv2.imwrite(str(blank / picture.with_suffix(".png").name), np.zeros_like(labels))
+    output = tmp_path / "blank.safetensors"
+    assert run(["train", "segmenter", "--calibrate", "polenet", str(blank), "-o", str(output), "-q"]) == 1
+    told = capsys.readouterr().err
+    assert "blank: none of the" in told and "label more pictures" in told
+    assert not output.exists()
 
 
 def test_painted_scenes_weigh_the_evidence_and_the_site_sets_the_odds(site: Path, tmp_path: Path) -> None:
