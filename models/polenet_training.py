@@ -28,6 +28,7 @@ Report = Callable[[str], None]
 Curves = Callable[[str, int, Mapping[str, float]], None]  # "loss" or "validation", step, values by name
 
 BEST = "best.safetensors"
+LAST = "last.safetensors"
 STATE = "last.pt"
 JUDGED_BY = "mask_ap50"
 
@@ -71,6 +72,8 @@ def train(
     curves: Curves = lambda kind, step, values: None,
 ) -> polenet.WeightsInfo:
     """Trains and calibrates; leaves the best weights as `BEST` in ``run_folder`` and returns what they say.
+
+    Those of the last validation lie beside them as `LAST`: on few pictures the best may be so by chance.
 
     Every set of ``training`` is drawn equally often, whatever its size. The best are those with the highest mask AP on
     a validation. In the end the calibration is fitted on every other held-out image, the figures are of the rest.
@@ -158,10 +161,11 @@ class _Run:
         self.report(f"step {self.state.step} {progress:.0%} {self.state.elapsed_s:.0f} s {shown}")
 
     def validate(self) -> None:
-        """Judges the mean of the weights; keeps it where it is the best so far, and the state in any case."""
+        """Judges and keeps the mean of the weights, once more where it is the best so far, and the state."""
         info = _judged(self.state.mean, self.few, self.about, np.s_[:])  # too few to divide
         self.curves("validation", self.state.step, info.figures)
         self.report(f"step {self.state.step}: {_line(info.figures)}")
+        polenet.save(self.folder / LAST, self.state.mean, info)
         if self.state.best_step == 0 or info.figures[JUDGED_BY] > self.state.best:
             self.state.best, self.state.best_step = info.figures[JUDGED_BY], self.state.step
             polenet.save(self.folder / BEST, self.state.mean, info)

@@ -49,8 +49,8 @@ def train_segmenter(
     DATA are folders of labelme files (polygons, rectangles, masks), COCO files, or folders with NAME.jpg beside
     NAME.png of instance ids: 0 background, 255 not judged, else one number a pole. A fifth of each is held out,
     drawn by the seed, to find the best weights and to print precision, recall and thickness error. Curves,
-    configuration and the state that --resume goes on from lie in the run folder. The same seed gives the same weights
-    on one machine, unless --minutes cut the schedule short.
+    configuration, the weights of the last validation and the state that --resume goes on from lie in the run folder.
+    The same seed gives the same weights on one machine, unless --minutes cut the schedule short.
 
     Examples:
 

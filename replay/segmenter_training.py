@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from scpf.models import polenet
-from scpf.models.polenet_training import BEST, STATE, TrainingSettings, train
+from scpf.models.polenet_training import BEST, LAST, STATE, TrainingSettings, train
 from scpf.models.whole_files import whole
 from scpf.replay.segmenter_data import TrainingPictures
 from scpf.replay.training_run import TrainingRun
@@ -42,7 +42,7 @@ def run_training(
         "start": None if settings.start is None else str(settings.start),
         "limit_s": settings.limit_s if math.isfinite(settings.limit_s) else None,
     }
-    opened = TrainingRun(folder, configuration, resume=resume, overwrite=overwrite, files=(BEST, STATE))
+    opened = TrainingRun(folder, configuration, resume=resume, overwrite=overwrite, files=(BEST, LAST, STATE))
     if not opened.has_tensorboard:
         say("curves as CSV alone: TensorBoard's need scpf[train]")
     trained_on = f"{gathered.counted} (seed {seed}, at most {settings.steps} steps)"

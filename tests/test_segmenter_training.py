@@ -20,7 +20,7 @@ from scpf.models import polenet, polenet_training
 from scpf.models.errors import DamagedError, InputError, MissingError
 from scpf.models.instances import instance_from_mask
 from scpf.models.labelled_images import LabelledImage, ids_images
-from scpf.models.polenet_training import BEST, STATE, TrainingSettings, train
+from scpf.models.polenet_training import BEST, LAST, STATE, TrainingSettings, train
 from scpf.models.polenet_validation import average_precision
 from scpf.models.training_state import TrainingState
 from scpf.replay.cli import run
@@ -143,6 +143,12 @@ def test_training_stops_where_nothing_gets_better(
     train([images], images, tmp_path, settings, 0, ABOUT, report=lines.append)
     assert any("no better mask_ap50 since step 2" in line for line in lines)
     assert "step 2 is the best" in lines[-1]
+    best, last = (polenet.load(tmp_path / name)[0].state_dict() for name in (BEST, LAST))
+    assert any(not torch.equal(best[name], last[name]) for name in best)
+    state = torch.load(tmp_path / STATE, weights_only=True)
+    assert all(
+        torch.equal(last[k], v.half().float()) for k, v in state["mean"].items() if v.is_floating_point()
+    )
 
 
 @pytest.mark.parametrize(
