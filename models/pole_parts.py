@@ -23,13 +23,15 @@ LEAN = 0.06  # px sideways per row of the gap: poles lean, and lenses bend
 MOST_WIDTH_RATIO = 2.5
 LEAST_RISE = 3.0  # rows per column from one peak to another above it
 LEAST_COVERED = 0.95  # share of the way between them that is pole
+CRUMB = 0.08  # of the other part's pixels: the width of so few says nothing
 
 Floats = NDArray[np.floating[Any]]
 
 
 class _Part(NamedTuple):
-    """First and last row, mean width, and (column, width) at either end, in px."""
+    """Number of pixels, first and last row, mean width, and (column, width) at either end, in px."""
 
+    pixels: int
     first: int
     last: int
     width: float
@@ -53,7 +55,8 @@ def join(
             if part is None or other is None or heirs[k] == heirs[i]:
                 continue
             if _continues(part, other) or (
-                _alike(part.width, other.width) and _pole_between(mask, peaks_px[i], peaks_px[k])
+                (_alike(part.width, other.width) or _crumb(part, other))
+                and _pole_between(mask, peaks_px[i], peaks_px[k])
             ):
                 first, second = sorted((heirs[k], heirs[i]))
                 heirs[heirs == second] = first
@@ -75,7 +78,9 @@ def _part(y: Indices, x: Indices) -> _Part:
     first, last = int(y.min()), int(y.max())
     rows = max(LEAST_END_ROWS, round(END_SHARE * (last + 1 - first)))
     width = len(y) / len(np.unique(y))
-    return _Part(first, last, width, _end(y, x, first, first + rows), _end(y, x, last + 1 - rows, last + 1))
+    return _Part(
+        len(y), first, last, width, _end(y, x, first, first + rows), _end(y, x, last + 1 - rows, last + 1)
+    )
 
 
 def _end(y: Indices, x: Indices, first: int, stop: int) -> tuple[float, float]:
@@ -97,3 +102,7 @@ def _continues(a: _Part, b: _Part) -> bool:
 
 def _alike(width: float, other: float) -> bool:
     return max(width, other) <= MOST_WIDTH_RATIO * min(width, other)
+
+
+def _crumb(a: _Part, b: _Part) -> bool:
+    return min(a.pixels, b.pixels) <= CRUMB * max(a.pixels, b.pixels)

@@ -149,3 +149,14 @@ def test_peaks_on_one_wide_pole_are_one_however_their_parts_are_cut() -> None:
         offsets[axis] = np.where(upper, aim[axis], offsets[axis])
     (whole,) = group(mask, centre, offsets)
     assert whole.mask.sum() == 32 * 240
+
+
+def test_a_few_pixels_that_a_second_peak_takes_from_a_pole_are_the_poles() -> None:
+    mask, centre, offsets = pole_maps([(40, 52, 10, 250)], [0.9])
+    centre[25, 5] = 0.8  # on the pole, 72 px below its centre
+    rows, columns = np.arange(25, 31), 10  # a third of its width, in rows that it has, too
+    aim = ((44 - (columns + 0.5) * OFFSET_CELL_PX) / 32, (204 - (rows + 0.5) * OFFSET_CELL_PX) / 64)
+    for axis in (0, 1):
+        offsets[axis, rows, columns] = aim[axis]
+    (whole,) = group(mask, centre, offsets)
+    assert whole.mask.sum() == 12 * 240 and whole.centre == pytest.approx(0.9)
