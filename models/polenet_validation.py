@@ -59,6 +59,10 @@ class Judgement(NamedTuple):
 
     images: list[JudgedImage]
 
+    def verdicts(self, part: slice = slice(None)) -> list[Verdict]:
+        """Those of a part of the images, in their order."""
+        return [verdict for image in self.images[part] for verdict in image.verdicts]
+
     def fit_calibration(self, part: slice = slice(None)) -> ScoreCalibration:
         """Logistic regression of "is a light pole" on the evidence."""
         evidence, right = self._evidence(part)
@@ -77,7 +81,7 @@ class Judgement(NamedTuple):
 
     def _evidence(self, part: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Of every candidate (N, 6), and whether it is right (N,), 0 or 1."""
-        verdicts = [v for image in self.images[part] for v in image.verdicts]
+        verdicts = self.verdicts(part)
         evidence = np.array([v.candidate.evidence for v in verdicts])
         return evidence, np.array([v.detected for v in verdicts], dtype=np.float64)
 
@@ -86,7 +90,7 @@ class Judgement(NamedTuple):
         images = self.images[part]
         found = {"pixel_iou": sum(i.shared_px for i in images) / max(1, sum(i.either_px for i in images))}
         poles = sum(image.poles for image in images)
-        verdicts = [v for image in images for v in image.verdicts]
+        verdicts = self.verdicts(part)
         scores = np.array([calibration.probability(v.candidate) for v in verdicts])
         overlaps = np.array([v.overlap for v in verdicts])
         detected = np.array([v.detected for v in verdicts], dtype=bool)

@@ -47,7 +47,7 @@ def calibrate_segmenter(
     fitted_to = f"score fitted to {(len(images) + 1) // 2} pictures of {names}"
     scenes, folder = painted
     judged = judge(folded, told(images, say))
-    right = [verdict.detected for image in judged.images[0::2] for verdict in image.verdicts]
+    right = [verdict.detected for verdict in judged.verdicts(np.s_[0::2])]
     if not any(right):
         text = f"{names}: none of the {len(right)} candidates in every other picture is a labelled pole"
         raise InputError(text, "label more pictures, or train with --start")

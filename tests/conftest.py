@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import cv2
 import hypothesis
-import numpy as np
 import pytest
-from label_files import HEIGHT, WIDTH, Read
 
-from scpf.ingest.labelled_folders import labelled_images
-from scpf.models.labelled_images import LabelledObject
+if TYPE_CHECKING:
+    from label_files import Read
+
+    from scpf.models.labelled_images import LabelledObject
 
 # At home every run tries other examples; where a result decides over a change, it depends on the change alone.
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None)
@@ -44,9 +43,21 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def small_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The drive log of `small_logs`, to be read and not to be changed."""
+    from small_logs import write
+
+    return write(tmp_path_factory.mktemp("small_log") / "drive.mcap")
+
+
 @pytest.fixture
 def label_folder(tmp_path: Path) -> Path:
     """A folder with a picture to label, a.jpg."""
+    import cv2
+    import numpy as np
+    from label_files import HEIGHT, WIDTH
+
     noise = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
     cv2.imwrite(str(tmp_path / "a.jpg"), noise)
     return tmp_path
@@ -55,6 +66,7 @@ def label_folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def read_labels(label_folder: Path) -> Read:
     """Reads labelme's or COCO's document for that picture to its objects."""
+    from scpf.ingest.labelled_folders import labelled_images
 
     def of(document: dict[str, Any]) -> list[LabelledObject]:
         (label_folder / "a.json").write_text(json.dumps(document))

@@ -5,9 +5,6 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _BLOWN_UP = (b"\xff", b"\xff\xff", b"\x7f\xff\xff\xff", b"\xff\xff\xff\xff", b"\0\0\0\0")
 _NUMBERS = (np.inf, -np.inf, np.nan, 1e308, -1e308, 5e-324, 604800.0, 0.0)

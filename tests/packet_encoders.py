@@ -5,11 +5,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-
 
 def pcap(
     packets: Iterable[tuple[float, bytes]], link: int = 1, order: str = "<", magic: int = 0xA1B2C3D4

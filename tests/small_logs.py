@@ -7,10 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scpf.ingest.drive_log import (
-    MAP_ATTACHMENT,
-    DriveLogWriter,
-)
+from scpf.ingest.drive_log import MAP_ATTACHMENT, DriveLogWriter
 from scpf.models.camera import Camera, looking_ahead
 from scpf.models.geodesy import Origin
 from scpf.models.instances import instance_from_mask

@@ -26,11 +26,6 @@ from scpf.models.errors import InputError
 from scpf.models.geodesy import Origin
 
 
-@pytest.fixture(scope="module")
-def log_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write(tmp_path_factory.mktemp("log") / "drive.mcap")
-
-
 @pytest.mark.parametrize("origin", [ORIGIN, None])
 def test_everything_written_is_read(tmp_path: Path, origin: Origin | None) -> None:
     with DriveLog(write(tmp_path / "drive.mcap", origin=origin)) as log:
@@ -62,8 +57,8 @@ def test_everything_written_is_read(tmp_path: Path, origin: Origin | None) -> No
         assert (GPS_POSE_TOPIC in log.channels) == (origin is None)
 
 
-def test_messages_come_by_log_time_and_within_bounds(log_path: Path) -> None:
-    with DriveLog(log_path) as log:
+def test_messages_come_by_log_time_and_within_bounds(small_log: Path) -> None:
+    with DriveLog(small_log) as log:
         everything = list(log.messages())
         assert len(everything) == sum(channel.count for channel in log.channels.values())
         stamps = [record.stamp_ns for record in everything]
@@ -87,8 +82,8 @@ def test_a_small_topic_is_read_without_the_images(tmp_path: Path, monkeypatch: p
         assert sum(read) < 0.02 * path.stat().st_size
 
 
-def test_the_reference_library_agrees(log_path: Path) -> None:
-    with log_path.open("rb") as file:
+def test_the_reference_library_agrees(small_log: Path) -> None:
+    with small_log.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
         assert summary is not None

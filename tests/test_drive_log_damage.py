@@ -11,23 +11,15 @@ import lz4.frame
 import numpy as np
 import pytest
 import zstandard
+from damaged_logs import MAGIC, record, text
 from mcap.writer import Writer
-from small_logs import ORIGIN, T0, a_pose, write
+from small_logs import ORIGIN, T0, a_pose
 
 from scpf.ingest import messages
-from scpf.ingest.drive_log import (
-    INS_POSE_TOPIC,
-    DriveLog,
-    DriveLogWriter,
-)
+from scpf.ingest.drive_log import INS_POSE_TOPIC, DriveLog, DriveLogWriter
 from scpf.ingest.gps_messages import to_fix
 from scpf.ingest.mcap_decompress import decompress
 from scpf.models.errors import DamagedError, InputError
-
-
-@pytest.fixture(scope="module")
-def log_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write(tmp_path_factory.mktemp("log") / "drive.mcap")
 
 
 def read_all(path: Path) -> int:
@@ -38,17 +30,17 @@ def read_all(path: Path) -> int:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.0001, 0.3, 0.9, 0.9999])
-def test_a_truncated_log_is_refused(tmp_path: Path, log_path: Path, share: float) -> None:
-    data = log_path.read_bytes()
+def test_a_truncated_log_is_refused(tmp_path: Path, small_log: Path, share: float) -> None:
+    data = small_log.read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: int(share * len(data))])
     with pytest.raises(DamagedError, match=r"cut\.mcap: byte \d+"):
         read_all(tmp_path / "cut.mcap")
 
 
-def test_no_flipped_byte_goes_unseen(tmp_path: Path, log_path: Path) -> None:
-    data = log_path.read_bytes()
+def test_no_flipped_byte_goes_unseen(tmp_path: Path, small_log: Path) -> None:
+    data = small_log.read_bytes()
     rng = np.random.default_rng(3)
-    expected = read_all(log_path)
+    expected = read_all(small_log)
     places = [*rng.integers(0, len(data), 60), *(len(data) - 1 - rng.integers(0, 4000, 100))]
     seen = 0
     for place in places:
@@ -97,16 +89,8 @@ def test_an_unindexed_file_is_refused(tmp_path: Path) -> None:
 
 def forge(path: Path, compression: str, data: bytes, declared: int, records_crc: int = 0) -> Path:
     """A file of one chunk that says what it is told to say."""
-    magic = b"\x89MCAP0\r\n"
     name = compression.encode()
-
-    def record(opcode: int, body: bytes) -> bytes:
-        return struct.pack("<BQ", opcode, len(body)) + body
-
-    def text(value: bytes) -> bytes:
-        return struct.pack("<I", len(value)) + value
-
-    head = magic + record(1, text(b"ros2") + text(b"forged"))
+    head = MAGIC + record(1, text(b"ros2") + text(b"forged"))
     body = (
         struct.pack("<QQQI", 0, 10, declared, records_crc) + text(name) + struct.pack("<Q", len(data)) + data
     )
@@ -120,7 +104,7 @@ def forge(path: Path, compression: str, data: bytes, declared: int, records_crc:
     summary += record(8, index)
     footer = struct.pack("<BQQQ", 2, 20, start, 0)
     crc = zlib.crc32(footer, zlib.crc32(summary))
-    path.write_bytes(head + chunk + end + summary + footer + struct.pack("<I", crc) + magic)
+    path.write_bytes(head + chunk + end + summary + footer + struct.pack("<I", crc) + MAGIC)
     return path
 
 
@@ -171,8 +155,8 @@ def test_a_streamed_bomb_makes_no_more_than_it_declares(tmp_path: Path) -> None:
 def test_a_message_that_is_not_of_its_type_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with DriveLogWriter(path) as log:
-        text = messages.definition("geometry_msgs/msg/PoseStamped")
-        channel = log.mcap.add_channel(INS_POSE_TOPIC, "geometry_msgs/msg/PoseStamped", text)
+        definition = messages.definition("geometry_msgs/msg/PoseStamped")
+        channel = log.mcap.add_channel(INS_POSE_TOPIC, "geometry_msgs/msg/PoseStamped", definition)
         log.mcap.add_message(channel, 7, b"\0\1\0\0" + b"\xff" * 20, 7, 0)
     with DriveLog(path) as log_, pytest.raises(DamagedError, match=r"/ins/pose at 7 ns"):
         log_.trajectory()

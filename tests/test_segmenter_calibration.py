@@ -43,8 +43,7 @@ def test_the_score_is_fitted_anew_and_the_network_stays(
     assert json.loads(told.out) == {"output": str(output), "figures": now.figures}
     assert all(torch.equal(value, after.state_dict()[name]) for name, value in before.state_dict().items())
     assert now.calibration != was.calibration and now.figures != was.figures
-    found = judge(for_inference(before), ids_images(site)).images[0::2]
-    candidates = sum(len(image.verdicts) for image in found)
+    candidates = len(judge(for_inference(before), ids_images(site)).verdicts(np.s_[0::2]))
     fitted_to = (
         f"score fitted to 2 pictures of {site.name}, {candidates} candidates: slope and constant alone"
     )
