@@ -72,22 +72,17 @@ def scaffold(
 
 
 def lumber(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:
-    """Boards and props leaning side by side, as on a building site."""
-    high = rng.uniform(1.5, 4.0)
-    tubes = []
-    for i in range(int(rng.integers(3, 12))):
-        x = x_m + i * rng.uniform(0.15, 0.5)
-        r = rng.uniform(0.03, 0.12)
-        tubes.append(
-            Tube(
-                (x, 0, z_m),
-                (x + rng.normal(0.2, 0.25), high * rng.uniform(0.7, 1.1), z_m),
-                r,
-                r,
-                rng.uniform(0.4, 1.3),
-            )
-        )
-    canvas.tubes(tubes, grey(rng, 60, 200, 25))
+    """Boards, panels and props side by side, as on a building site: leaning ones and upright ones."""
+    high, upright = rng.uniform(1.5, 4.0), rng.random() < 0.4
+    gap, lean = rng.uniform(0.1, 0.6), 0.0 if upright else rng.normal(0.2, 0.2)
+    wide = rng.uniform(0.025, 0.12)
+    tubes, x = [], x_m
+    for _ in range(int(rng.integers(3, 14))):
+        x += gap * rng.uniform(0.5, 1.5)
+        r = wide * rng.uniform(0.6, 1.4)
+        tip = (x + lean + rng.normal(0.0, 0.03 if upright else 0.2), high * rng.uniform(0.7, 1.1), z_m)
+        tubes.append(Tube((x, 0, z_m), tip, r, r, rng.uniform(0.4, 1.3)))
+    canvas.tubes(tubes, grey(rng, 60, 220, 25))
 
 
 def site_fence(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:
@@ -109,3 +104,8 @@ def site_fence(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float)
         canvas.tubes(tubes, metal)
         foot = [(x, y, za) for x, y in ((xa - 0.35, 0), (xa + 0.35, 0), (xa + 0.3, 0.16), (xa - 0.3, 0.16))]
         canvas.surface(foot, block)
+        if rng.random() < 0.25:  # a plate that warns
+            u, y = rng.uniform(0.2, 0.4), high * rng.uniform(0.5, 0.8)
+            (xa, za), (xb, zb) = (first + share * (last - first) for share in (u, u + rng.uniform(0.1, 0.3)))
+            corners = [(xa, y, za), (xb, y, zb), (xb, y + 0.25, zb), (xa, y + 0.25, za)]
+            canvas.surface(corners, grey(rng, 120, 255))

@@ -1,4 +1,4 @@
-"""Street furniture and cars: posts, plates and rails that are no lamp posts.
+"""Fences and cars.
 
 Every function draws one object at (x_m, z_m) of the street frame; see `street_canvas`.
 """
@@ -7,62 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scpf.sample_logs.street_canvas import Canvas, Colour, Point, Tube
+from scpf.sample_logs.street_canvas import Canvas, Point, Tube
 from scpf.sample_logs.street_looks import any_colour, grey
-
-
-def sign_post(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:
-    """A traffic sign, a traffic light or a bare stub: shorter than any lamp post."""
-    height = rng.uniform(1.0, 3.4)
-    canvas.tubes(
-        [Tube((x_m, 0, z_m), (x_m, height, z_m), *[rng.uniform(0.025, 0.06)] * 2)], grey(rng, 40, 220)
-    )
-    for level in np.arange(height - 0.3, height * 0.45, -0.75)[: rng.integers(0, 4)]:
-        plate(canvas, rng, x_m, level, z_m)
-
-
-def plate(canvas: Canvas, rng: np.random.Generator, x_m: float, y_m: float, z_m: float) -> None:
-    """A round, square, triangular or long plate facing the camera."""
-    corners = int(rng.choice([3, 4, 4, 16]))
-    turn = {3: np.pi / 2, 4: np.pi / 4, 16: 0.0}[corners] + (np.pi if rng.random() < 0.3 else 0.0)
-    angles = turn + np.arange(corners) * 2 * np.pi / corners
-    wide, high = rng.uniform(0.22, 0.5) * np.where(corners == 4, rng.uniform(0.6, 1.4, 2), 1.0)
-    for scale, colour in ((1.0, any_colour(rng, 10, 250)), (0.75, grey(rng, 100, 250, 30))):
-        points = np.stack([x_m + scale * wide * np.cos(angles), y_m + scale * high * np.sin(angles),
-                           np.full(corners, z_m)], axis=1)  # fmt: skip
-        canvas.surface(points, colour)
-
-
-def billboard(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:
-    """A board on two posts."""
-    wide, low, high = rng.uniform(1.0, 3.5), rng.uniform(0.5, 3.0), rng.uniform(1.0, 3.0)
-    canvas.tubes([Tube((x_m + s, 0, z_m), (x_m + s, low + high, z_m), *[rng.uniform(0.04, 0.09)] * 2)
-                  for s in (-wide / 2, wide / 2)], grey(rng, 40, 220))  # fmt: skip
-    _framed(
-        canvas, (x_m - wide / 2, low, z_m), (wide, high), 0.12, grey(rng, 150, 250), any_colour(rng, 20, 250)
-    )
-
-
-def board(canvas: Canvas, rng: np.random.Generator, x_m: float, y_m: float, z_m: float) -> None:
-    """A framed board, a poster or a box that hangs on a post; ``y_m``: its lower edge."""
-    wide, high = ((0.2, 0.4), (0.45, 0.6), (0.7, 1.1))[rng.integers(3)] * rng.uniform(0.7, 1.4, 2)
-    left = x_m - wide * rng.choice([0.5, rng.uniform(0.0, 1.0)])
-    _framed(canvas, (left, y_m, z_m), (wide, high), 0.06, grey(rng, 20, 250), any_colour(rng, 20, 250))
-
-
-def _framed(
-    canvas: Canvas,
-    corner_m: Point,
-    size_m: tuple[float, float],
-    frame_m: float,
-    frame: Colour,
-    inside: Colour,
-) -> None:
-    """A rectangle that faces the camera, of two colours; ``corner_m``: its lower left one."""
-    (x, y, z), (wide, high) = corner_m, size_m
-    for inset, colour in ((0.0, frame), (frame_m, inside)):
-        x1, x2, y1, y2 = x + inset, x + wide - inset, y + inset, y + high - inset
-        canvas.surface([(x1, y1, z), (x2, y1, z), (x2, y2, z), (x1, y2, z)], colour)
 
 
 def fence(canvas: Canvas, rng: np.random.Generator, x_m: float, z_m: float) -> None:

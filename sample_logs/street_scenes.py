@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.instances import Image
-from scpf.sample_logs import street_objects
+from scpf.sample_logs import street_objects, street_signs
 from scpf.sample_logs.street_canvas import Canvas
 from scpf.sample_logs.street_flags import flags
 from scpf.sample_logs.street_ground import LEFT, RIGHT, Street, paint_cables, paint_ground, paint_shadows
@@ -109,9 +109,9 @@ def _clutter(street: Street, rng: np.random.Generator) -> list[Thing]:
     """Signs, fences, boards, building timber, cars, trees and bushes."""
     found: list[Thing] = []
     furniture = (
-        (street_objects.sign_post, 5, 4.0),
+        (street_signs.sign_post, 5, 4.0),
         (street_objects.fence, 3, 4.0),
-        (street_objects.billboard, 3, 6.0),
+        (street_signs.billboard, 4, 4.5),
         (flags, 5, 10.0),
         (lumber, 2, 4.0),
         (site_fence, 3, 4.0),

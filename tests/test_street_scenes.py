@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 
 from scpf.models.labelled_images import IGNORED_ID
+from scpf.sample_logs import street_signs
 from scpf.sample_logs.street_canvas import Canvas, StreetCamera, Tube
 from scpf.sample_logs.street_flags import flags
 from scpf.sample_logs.street_houses import site_fence
 from scpf.sample_logs.street_scenes import MOST_LAMPS, SIZES_PX, scene, write_scenes
+from scpf.sample_logs.street_signs import billboard, sign_post
 
 
 def test_a_scene_is_the_same_for_its_seed_and_another_for_another() -> None:
@@ -98,3 +101,42 @@ def test_written_scenes_are_read_back(tmp_path: Path) -> None:
     written = cv2.imread(str(tmp_path / "toy_000005.jpg"))
     assert written is not None
     assert np.abs(written.astype(int) - image).mean() < 8
+
+
+@pytest.mark.parametrize("draw", [sign_post, billboard])
+def test_signs_and_billboards_hide_lamp_posts_and_are_none(
+    draw: Callable[[Canvas, np.random.Generator, float, float], None],
+) -> None:
+    heights_px = []
+    for seed in range(12):
+        canvas = Canvas(StreetCamera(np.random.default_rng(0), 640, 480), (0.0, 0.0, 0.0), 1e9, 0.0)
+        canvas.ids[:] = 1
+        draw(canvas, np.random.default_rng(seed), 0.5, 9.0)
+        drawn, hidden = canvas.image.any(axis=2), canvas.ids == 0
+        assert not (hidden & ~drawn).any()
+        assert np.count_nonzero(hidden) > 0.7 * np.count_nonzero(drawn)  # the rest are rims half covered
+        heights_px.append(np.ptp(np.flatnonzero(drawn.any(axis=1))) + 1)
+    focal_px = StreetCamera(np.random.default_rng(0), 640, 480).focal_px
+    tallest_m = {sign_post: 4.5, billboard: 7.0}[draw]
+    assert max(heights_px) <= tallest_m * focal_px / 8.0
+
+
+def test_the_post_of_a_sign_seen_from_behind_stands_before_its_plates(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(street_signs, "ON_A_BASE", 0.0)
+    broken = {}
+    for share in (0.0, 1.0):
+        monkeypatch.setattr(street_signs, "FROM_BEHIND", share)
+        broken[share] = 0
+        for seed in range(20):
+            camera = StreetCamera(np.random.default_rng(0), 640, 480)
+            camera.R_camera_street = np.eye(3)
+            canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+            sign_post(canvas, np.random.default_rng(seed), 0.0, 6.0)
+            post = canvas.image[:, 320].astype(int)
+            post = post[post.any(axis=1)]
+            post = post[len(post) // 3 : -3]  # the uppermost plate may reach above its post
+            broken[share] += int(np.ptp(post, axis=0).max() > 20)
+    assert broken[0.0] >= 5
+    assert broken[1.0] == 0
