@@ -61,6 +61,8 @@ class Camera:
         import cv2
 
         points = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
+        if not len(points):  # OpenCV would give None
+            return np.empty((0, 3))
         if self.distortion_model == "equidistant":
             flat = cv2.fisheye.undistortPoints(points, self.matrix, self.distortion[:4])
         else:

@@ -48,6 +48,13 @@ def test_points_behind_have_no_pixel() -> None:
     np.testing.assert_allclose(pixels[1], [517.0, 379.0])
 
 
+@pytest.mark.parametrize("model", LENSES)
+def test_no_pixels_have_no_rays(model: str) -> None:
+    camera = Camera(1024, 768, MATRIX, LENSES[model], model)
+    assert camera.rays(np.empty((0, 2))).shape == (0, 3)
+    assert camera.bearings(np.empty((0, 2))).shape == (0,)
+
+
 @pytest.mark.parametrize(
     "change",
     [

@@ -62,8 +62,6 @@ def lamps_of(feet_px: Array, camera: Camera, pose: Array, lamps_m: Mapping[str, 
 
     ``pose``: (4, 4), body frame to map frame. The pairs that agree best are taken first.
     """
-    if not len(feet_px):
-        return []
     yaw = np.arctan2(pose[1, 0], pose[0, 0])
     turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
     names = list(lamps_m)
