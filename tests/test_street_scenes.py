@@ -18,6 +18,14 @@ from scpf.sample_logs.street_scenes import MOST_LAMPS, SIZES_PX, scene, write_sc
 from scpf.sample_logs.street_signs import billboard, sign_post
 
 
+def black_canvas(width_px: int = 640, height_px: int = 480, *, level: bool = False) -> Canvas:
+    """Without haze, seen by the camera of seed 0; ``level``: looking straight ahead."""
+    camera = StreetCamera(np.random.default_rng(0), width_px, height_px)
+    if level:
+        camera.R_camera_street = np.eye(3)
+    return Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+
+
 def test_a_scene_is_the_same_for_its_seed_and_another_for_another() -> None:
     (image, ids), (again, ids_again), (other, _) = scene(3), scene(3), scene(3, (640, 480))
     assert np.array_equal(image, again)
@@ -43,11 +51,9 @@ def test_scenes_have_poles_taller_than_wide_on_a_small_part_of_the_picture() -> 
 
 @pytest.mark.parametrize("radius_m", [0.02, 0.05, 0.2])
 def test_a_tube_is_as_thick_as_the_camera_sees_it(radius_m: float) -> None:
-    camera = StreetCamera(np.random.default_rng(0), 640, 480)
-    camera.R_camera_street = np.eye(3)
-    canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+    canvas = black_canvas(level=True)
     canvas.tubes([Tube((0.013, 0, 5), (0.013, 3, 5), radius_m, radius_m)], (200.0, 200.0, 200.0), 7)
-    expected_px = 2 * radius_m * camera.focal_px / 5
+    expected_px = 2 * radius_m * canvas.camera.focal_px / 5
     rows = slice(200, 260)
     assert (canvas.ids[rows] == 7).sum(1).mean() == pytest.approx(expected_px, abs=0.6)
     covered = np.count_nonzero(canvas.image[rows, :, 0], axis=1).mean()
@@ -55,8 +61,7 @@ def test_a_tube_is_as_thick_as_the_camera_sees_it(radius_m: float) -> None:
 
 
 def test_what_stands_before_a_pole_hides_it() -> None:
-    camera = StreetCamera(np.random.default_rng(0), 320, 240)
-    canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+    canvas = black_canvas(320, 240)
     canvas.tubes([Tube((0, 0, 9), (0, 6, 9), 0.1, 0.1)], (90.0, 90.0, 90.0), 1)
     assert (canvas.ids == 1).any()
     canvas.polygon(np.array([(0, 0), (320, 0), (320, 240), (0, 240)]), (1.0, 2.0, 3.0))
@@ -64,8 +69,7 @@ def test_what_stands_before_a_pole_hides_it() -> None:
 
 
 def test_a_pole_is_seen_through_the_mesh_of_a_site_fence() -> None:
-    camera = StreetCamera(np.random.default_rng(0), 640, 480)
-    canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+    canvas = black_canvas()
     canvas.tubes([Tube((3, 0, 15), (3, 6, 15), 0.1, 0.1)], (90.0, 90.0, 90.0), 1)
     before, there = canvas.image.copy(), np.count_nonzero(canvas.ids)
     site_fence(canvas, np.random.default_rng(1), 1.0, 6.0)
@@ -76,10 +80,9 @@ def test_a_pole_is_seen_through_the_mesh_of_a_site_fence() -> None:
 
 def test_a_flag_is_no_lamp_post_but_a_staff_without_its_cloth_may_be_one() -> None:
     for tilt, expected in ((0.0, {0}), (1.0, {0, IGNORED_ID})):  # looking ahead, and far down
-        camera = StreetCamera(np.random.default_rng(0), 640, 480)
         c, s = np.cos(0.35 * tilt), np.sin(0.35 * tilt)
-        camera.R_camera_street = np.array([[1.0, 0, 0], [0, c, s], [0, -s, c]])
-        canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+        canvas = black_canvas()
+        canvas.camera.R_camera_street = np.array([[1.0, 0, 0], [0, c, s], [0, -s, c]])
         for seed in range(5):
             flags(canvas, np.random.default_rng(seed), 0.5, 14.0)
         assert canvas.image.any()
@@ -87,7 +90,7 @@ def test_a_flag_is_no_lamp_post_but_a_staff_without_its_cloth_may_be_one() -> No
 
 
 def test_a_faint_lamp_post_takes_the_colour_of_what_is_behind_it() -> None:
-    canvas = Canvas(StreetCamera(np.random.default_rng(0), 320, 240), (0.0, 0.0, 0.0), 1e9, 0.0)
+    canvas = black_canvas(320, 240)
     canvas.image[:] = (10, 60, 110)
     seen = canvas.seen_along(np.array([0.0, 0, 12]), np.array([0.0, 4, 12]))
     assert seen == pytest.approx([10, 60, 110])
@@ -109,16 +112,15 @@ def test_signs_and_billboards_hide_lamp_posts_and_are_none(
 ) -> None:
     heights_px = []
     for seed in range(12):
-        canvas = Canvas(StreetCamera(np.random.default_rng(0), 640, 480), (0.0, 0.0, 0.0), 1e9, 0.0)
+        canvas = black_canvas()
         canvas.ids[:] = 1
         draw(canvas, np.random.default_rng(seed), 0.5, 9.0)
         drawn, hidden = canvas.image.any(axis=2), canvas.ids == 0
         assert not (hidden & ~drawn).any()
         assert np.count_nonzero(hidden) > 0.7 * np.count_nonzero(drawn)  # the rest are rims half covered
         heights_px.append(np.ptp(np.flatnonzero(drawn.any(axis=1))) + 1)
-    focal_px = StreetCamera(np.random.default_rng(0), 640, 480).focal_px
     tallest_m = {sign_post: 4.5, billboard: 7.0}[draw]
-    assert max(heights_px) <= tallest_m * focal_px / 8.0
+    assert max(heights_px) <= tallest_m * canvas.camera.focal_px / 8.0
 
 
 def test_the_post_of_a_sign_seen_from_behind_stands_before_its_plates(
@@ -130,9 +132,7 @@ def test_the_post_of_a_sign_seen_from_behind_stands_before_its_plates(
         monkeypatch.setattr(street_signs, "FROM_BEHIND", share)
         broken[share] = 0
         for seed in range(20):
-            camera = StreetCamera(np.random.default_rng(0), 640, 480)
-            camera.R_camera_street = np.eye(3)
-            canvas = Canvas(camera, (0.0, 0.0, 0.0), 1e9, 0.0)
+            canvas = black_canvas(level=True)
             sign_post(canvas, np.random.default_rng(seed), 0.0, 6.0)
             post = canvas.image[:, 320].astype(int)
             post = post[post.any(axis=1)]

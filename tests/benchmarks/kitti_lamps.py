@@ -24,6 +24,7 @@ from scpf.models.camera import Array, Camera
 from scpf.models.geodesy import wrap_angle
 from scpf.models.instances import Instance, foot_px
 from scpf.models.segmentation import load
+from scpf.models.trajectory import yaw_of
 from scpf.replay.frames import decode
 
 IN_SIGHT = {
@@ -62,13 +63,13 @@ def lamps_of(feet_px: Array, camera: Camera, pose: Array, lamps_m: Mapping[str, 
 
     ``pose``: (4, 4), body frame to map frame. The pairs that agree best are taken first.
     """
-    yaw = np.arctan2(pose[1, 0], pose[0, 0])
+    yaw = yaw_of(pose)
     turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
     names = list(lamps_m)
     ahead_m = np.array([turn @ (lamps_m[name] - pose[:2, 3]) for name in names])
-    ground_m = np.column_stack([ahead_m, np.zeros(len(names)), np.ones(len(names))])
-    in_camera_m = ground_m @ np.linalg.inv(camera.T_body_camera).T
-    rows = np.minimum(camera.project(in_camera_m[:, :3])[:, 1], camera.height_px - 1)
+    R_body_camera, origin_m = camera.T_body_camera[:3, :3], camera.T_body_camera[:3, 3]
+    ground_m = np.column_stack([ahead_m, np.zeros(len(names))])
+    rows = np.minimum(camera.project((ground_m - origin_m) @ R_body_camera)[:, 1], camera.height_px - 1)
     distances_m = np.hypot(*ahead_m.T)
     misses = wrap_angle(camera.bearings(feet_px)[:, None] - np.arctan2(ahead_m[:, 1], ahead_m[:, 0]))
     usual = BEARING_SD_RAD + POSITION_SD_M / distances_m
@@ -149,9 +150,8 @@ def read(log_path: Path, segmenter: str) -> tuple[Street, list[Frame]]:
             frames.append(Frame(number, pose, segment(decode(picture.data, f"frame {number}"))))
     lamps = {mark.id: np.array(mark.position_m[:2]) for mark in road_map.landmarks}
     lamps |= {name: np.array(position) for name, (position, _) in NOT_IN_THE_MAP.items()}
-    return Street(
-        camera, lamps, IN_SIGHT | {name: seen for name, (_, seen) in NOT_IN_THE_MAP.items()}
-    ), frames
+    in_sight = IN_SIGHT | {name: seen for name, (_, seen) in NOT_IN_THE_MAP.items()}
+    return Street(camera, lamps, in_sight), frames
 
 
 def main(log_path: Path, segmenter: str) -> None:
