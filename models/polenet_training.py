@@ -11,16 +11,17 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from scpf.models import polenet, polenet_inference, polenet_validation
+from scpf.models import polenet, polenet_inference
 from scpf.models.labelled_images import LabelledImage
 from scpf.models.polenet_losses import loss
 from scpf.models.polenet_samples import Sample, make_sample
+from scpf.models.polenet_validation import judged_weights
 from scpf.models.training_state import TrainingState
 
 Losses = dict[str, float]
@@ -37,7 +38,8 @@ JUDGED_BY = "mask_ap50"
 class TrainingSettings:
     """``sizes_px``: (width, height) of the crops, one of them for each batch. ``limit_s``: the schedule is squeezed
     into this many seconds where ``steps`` would take longer (the result then depends on the machine's speed).
-    ``patience``: stop after so many validations without a better AP, 0 never. ``device``: cpu, cuda or mps.
+    ``patience``: stop after so many validations without a better AP, 0 never; with 0 the last weights are kept, not
+    those that few pictures found best. ``device``: cpu, cuda or mps.
     ``pasted``: the share of the crops into which poles of other pictures are pasted. ``workers``: threads that make
     crops. ``validation_images``: the most that a validation on the way looks at."""
 
@@ -58,6 +60,11 @@ class TrainingSettings:
     device: str = "cpu"
     workers: int = 1
 
+    @property
+    def kept(self) -> str:
+        """The file in the run folder whose weights a training ends with."""
+        return BEST if self.patience else LAST
+
 
 def train(
     training: Sequence[Sequence[LabelledImage]],
@@ -70,13 +77,14 @@ def train(
     resume: bool = False,
     report: Report = lambda line: None,
     curves: Curves = lambda kind, step, values: None,
+    weighing: Sequence[LabelledImage] = (),
 ) -> polenet.WeightsInfo:
-    """Trains and calibrates; leaves the best weights as `BEST` in ``run_folder`` and returns what they say.
-
-    Those of the last validation lie beside them as `LAST`: on few pictures the best may be so by chance.
+    """Trains and calibrates; leaves the best weights as `BEST` and those of the last validation as `LAST`.
 
     Every set of ``training`` is drawn equally often, whatever its size. The best are those with the highest mask AP on
-    a validation. In the end the calibration is fitted on every other held-out image, the figures are of the rest.
+    a validation. In the end the calibration of `TrainingSettings.kept` is fitted on every other held-out image, or
+    there only its scale, where ``weighing`` holds images to weigh the evidence on. Returns what these weights say of
+    themselves; the figures are of the other held-out images.
     ``about``: what the weights shall say of their training. ``resume``: go on from the `STATE` in the folder.
     """
     torch.manual_seed(seed)
@@ -117,10 +125,13 @@ def train(
         raise
     if state.step % settings.validate_every:
         run.validate()
-    net, _ = polenet.load(run_folder / BEST)
-    info = _judged(net.to(settings.device), held_out, about, np.s_[1::2])
-    report(f"step {state.best_step} is the best. {_line(info.figures)}")
-    polenet.save(run_folder / BEST, net, info)
+    if settings.patience:
+        report(f"step {state.best_step} is the best")
+    report(f"judging by {len(held_out)} pictures{f' and {len(weighing)} to weigh on' if weighing else ''}")
+    net, _ = polenet.load(run_folder / settings.kept)
+    info = judged_weights(net.to(settings.device), held_out, about, np.s_[1::2], weighing)
+    report(_line(info.figures))
+    polenet.save(run_folder / settings.kept, net, info)
     return info
 
 
@@ -162,7 +173,7 @@ class _Run:
 
     def validate(self) -> None:
         """Judges and keeps the mean of the weights, once more where it is the best so far, and the state."""
-        info = _judged(self.state.mean, self.few, self.about, np.s_[:])  # too few to divide
+        info = judged_weights(self.state.mean, self.few, self.about, np.s_[:])  # too few to divide
         self.curves("validation", self.state.step, info.figures)
         self.report(f"step {self.state.step}: {_line(info.figures)}")
         polenet.save(self.folder / LAST, self.state.mean, info)
@@ -170,15 +181,6 @@ class _Run:
             self.state.best, self.state.best_step = info.figures[JUDGED_BY], self.state.step
             polenet.save(self.folder / BEST, self.state.mean, info)
         self.state.save(self.folder / STATE)
-
-
-def _judged(
-    net: polenet.PoleNet, held_out: Sequence[LabelledImage], about: polenet.WeightsInfo, part: slice
-) -> polenet.WeightsInfo:
-    """``about`` with the calibration of every other image, and the figures of a part of them."""
-    judged = polenet_validation.judge(polenet_inference.for_inference(net), held_out)
-    calibration = judged.fit_calibration(np.s_[0::2])
-    return replace(about, calibration=calibration, figures=judged.figures(calibration, part))
 
 
 def _line(figures: Mapping[str, float]) -> str:

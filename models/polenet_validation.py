@@ -7,8 +7,8 @@ fails the second and not the first; the score is the probability of the first.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -19,8 +19,8 @@ from scipy import ndimage
 
 from scpf.models.grouping import Candidate, ScoreCalibration, group
 from scpf.models.labelled_images import IGNORED_ID, Ids, LabelledImage
-from scpf.models.polenet import NOT_CALIBRATED, PoleNet
-from scpf.models.polenet_inference import maps
+from scpf.models.polenet import NOT_CALIBRATED, PoleNet, WeightsInfo
+from scpf.models.polenet_inference import for_inference, maps
 from scpf.models.segmentation import frame
 
 LEAST_OVERLAP = 0.5  # intersection over union of the masks that counts as found
@@ -67,6 +67,12 @@ class Judgement(NamedTuple):
         """Logistic regression of "is a light pole" on the evidence."""
         evidence, right = self._evidence(part)
         return ScoreCalibration.of(_logistic(evidence, right)) if len(right) else NOT_CALIBRATED
+
+    def calibration(self, weighed: Judgement, part: slice = slice(None)) -> ScoreCalibration:
+        """Fitted to a part of the images; its evidence weighed on others, where there are any."""
+        if weighed.images:
+            return self.fit_scale(weighed.fit_calibration(), part)
+        return self.fit_calibration(part)
 
     def fit_scale(self, weighed: ScoreCalibration, part: slice = slice(None)) -> ScoreCalibration:
         """The evidence ``weighed`` as it is, with slope and constant fitted, so that the order of the scores stays."""
@@ -137,6 +143,24 @@ def judge(net: PoleNet, sources: Iterable[LabelledImage]) -> Judgement:
     """Runs a folded ``net`` on images and compares its candidates with their ids, at the network's scale."""
     pictures = (source.read() for source in sources)
     return Judgement([_judge_image(net, picture.image, picture.ids()) for picture in pictures])
+
+
+def judged_weights(
+    net: PoleNet,
+    held_out: Sequence[LabelledImage],
+    about: WeightsInfo,
+    part: slice,
+    weighing: Sequence[LabelledImage] = (),
+) -> WeightsInfo:
+    """``about`` with a calibration fitted to every other image, and the figures of a part of them.
+
+    ``weighing``: images to weigh the evidence on, where there are any.
+    """
+    folded = for_inference(net)
+    judged = judge(folded, held_out)
+    weighed = judge(folded, weighing)
+    calibration = judged.calibration(weighed, np.s_[0::2])
+    return replace(about, calibration=calibration, figures=judged.figures(calibration, part))
 
 
 def _judge_image(net: PoleNet, image: NDArray[np.uint8], ids: Ids) -> JudgedImage:

@@ -14,10 +14,7 @@ from scpf.models.errors import InputError, UsageError
 from scpf.models.labelled_images import LabelledImage
 from scpf.models.polenet_inference import for_inference
 from scpf.models.polenet_validation import judge
-from scpf.replay.segmenter_data import paint, told
-
-FIRST_SEED = 2 * 10**6
-"""Of the scenes that the evidence is weighed on: no training and no validation paints them."""
+from scpf.replay.segmenter_data import PaintedScenes, paint_to_weigh, told
 
 FEWEST_TO_WEIGH = 100
 """Candidates without which six weights are not to be told: the order of the scores then stays as it was."""
@@ -28,13 +25,13 @@ def calibrate_segmenter(
     data: Sequence[Path],
     classes: Sequence[str],
     output: Path,
-    painted: tuple[int, Path],
+    painted: PaintedScenes,
     say: Callable[[str], None],
 ) -> polenet.WeightsInfo:
     """Writes ``weights`` to ``output`` with a score fitted to every other picture of ``data``; figures of the rest.
 
-    ``painted``: weighs the evidence on so many street scenes, kept in a folder, and fits only slope and constant to
-    ``data``: where pictures hold few false candidates, these teach more. Without them, fewer candidates than
+    ``painted``: weighs the evidence on street scenes, and fits only slope and constant to ``data``: where pictures
+    hold few false candidates, these teach more. Without them, fewer candidates than
     `FEWEST_TO_WEIGH` set slope and constant alone, too. Raises UsageError where fewer than two pictures are given,
     InputError where the weights find no pole in those fitted to, and what loading and reading raise.
     """
@@ -45,21 +42,18 @@ def calibrate_segmenter(
     folded = for_inference(net)
     names = ", ".join(path.name for path in data)
     fitted_to = f"score fitted to {(len(images) + 1) // 2} pictures of {names}"
-    scenes, folder = painted
     judged = judge(folded, told(images, say))
     right = [verdict.detected for verdict in judged.verdicts(np.s_[0::2])]
     if not any(right):
         text = f"{names}: none of the {len(right)} candidates in every other picture is a labelled pole"
         raise InputError(text, "label more pictures, or train with --start")
-    if scenes:
-        weighing = paint(folder / "weighed", range(FIRST_SEED, FIRST_SEED + scenes), say)[:scenes]
-        weighed = judge(folded, told(weighing, say)).fit_calibration()
-        calibration = judged.fit_scale(weighed, np.s_[0::2])
-        fitted_to += f", its evidence weighed on {scenes} painted scenes"
+    if weighing := paint_to_weigh(painted, say):
+        calibration = judged.calibration(judge(folded, told(weighing, say)), np.s_[0::2])
+        fitted_to += f", its evidence weighed on {len(weighing)} painted scenes"
     elif len(right) < FEWEST_TO_WEIGH:
         calibration = judged.fit_scale(info.calibration, np.s_[0::2])
         fitted_to += f", {len(right)} candidates: slope and constant alone"
-        say(f"{fitted_to} (more pictures, or --scenes 600, weigh the evidence anew)")
+        say(f"{fitted_to} (more pictures, or --weigh-scenes 600, weigh the evidence anew)")
     else:
         calibration = judged.fit_calibration(np.s_[0::2])
     fitted = replace(

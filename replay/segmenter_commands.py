@@ -23,6 +23,7 @@ def train_segmenter(
         list[str] | None, Parameter(name="--class", consume_multiple=False, negative="")
     ] = None,
     scenes: int = 0,
+    weigh_scenes: int = 0,
     scenes_folder: Path = Path("street_scenes"),
     steps: int = 2500,
     learning_rate: float = 3e-3,
@@ -48,7 +49,7 @@ def train_segmenter(
 
     DATA are folders of labelme files (polygons, rectangles, masks), COCO files, or folders with NAME.jpg beside
     NAME.png of instance ids: 0 background, 255 not judged, else one number a pole. A fifth of each is held out,
-    drawn by the seed, to find the best weights and to print precision, recall and thickness error. Curves,
+    drawn by the seed, to judge the weights by and to print precision, recall and thickness error. Curves,
     configuration, the weights of the last validation and the state that --resume goes on from lie in the run folder.
     The same seed gives the same weights on one machine, unless --minutes cut the schedule short.
 
@@ -85,8 +86,11 @@ def train_segmenter(
     classes
         A label that means a light pole (default: light_pole); repeat it.
     scenes
-        Also train on this many painted street scenes, and hold out a tenth as many more unless --validate is given.
-        With --calibrate: weigh on so many, full of what resembles a lamp post, what speaks for one; 600 are enough.
+        Also train on this many painted street scenes, half of the time; and hold out a tenth as many more unless
+        --validate is given.
+    weigh_scenes
+        After a training, or with --calibrate: weigh on so many painted street scenes, full of what resembles a lamp
+        post, what speaks for one; 600 are enough. The held-out pictures then set the scale of the score alone.
     scenes_folder
         Where the painted scenes are kept.
     steps
@@ -100,7 +104,8 @@ def train_segmenter(
     minutes
         Squeeze the schedule into this time where the steps would take longer.
     patience
-        Stop after so many validations (one every 300 steps) without a better mask AP; 0 never does.
+        Stop after so many validations (one every 300 steps) without a better mask AP, and write the best weights; 0
+        never does, and writes the last.
     start
         Weights to go on from: a file, or polenet for those that come with scpf.
     device
@@ -138,7 +143,7 @@ def train_segmenter(
     from scpf.models.polenet_training import TrainingSettings
     from scpf.models.segmentation_evaluation import EvaluationSettings
     from scpf.replay.segmenter_calibration import calibrate_segmenter
-    from scpf.replay.segmenter_data import gather
+    from scpf.replay.segmenter_data import PaintedScenes, gather
     from scpf.replay.segmenter_evaluation import evaluate_segmenter, table
     from scpf.replay.segmenter_training import run_training
 
@@ -174,15 +179,19 @@ def train_segmenter(
     if output is None:
         raise UsageError("no --output", "name the weights to write: -o NAME.safetensors")
     if (
-        scenes < 0 or steps < 1 or minutes <= 0 or patience < 0 or workers < 1
+        scenes < 0 or weigh_scenes < 0 or steps < 1 or minutes <= 0 or patience < 0 or workers < 1
         or not 0 < held_out < 1 or not 0 < learning_rate <= 1 or not 0 <= pasted <= 1
     ):  # fmt: skip
         raise UsageError(
-            "--steps, --minutes and --workers are positive, --scenes and --patience not negative, "
+            "--steps, --minutes and --workers are positive, those of scenes and --patience not negative, "
             "--held-out, --learning-rate and --pasted are between 0 and 1"
         )
-    painted = (scenes, scenes_folder)
+    painted = PaintedScenes(scenes, weigh_scenes, scenes_folder)
     if calibrate is not None:
+        if scenes:
+            raise UsageError(
+                "--calibrate trains on no scenes", "--weigh-scenes weighs the score's evidence on them"
+            )
         weights = polenet.weights_path(calibrate)
         return written(calibrate_segmenter(weights, list(data or []), wanted, output, painted, say))
     chosen = devices.choose(device)

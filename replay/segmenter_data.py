@@ -11,18 +11,31 @@ from scpf.models.errors import UsageError
 from scpf.models.labelled_images import IdsImage, LabelledImage, ids_images, split
 from scpf.sample_logs.street_scenes import write_scenes
 
+FIRST_SEED_TO_WEIGH = 2 * 10**6
+"""Of the scenes that the evidence is weighed on: no training and no validation paints them."""
+
+
+class PaintedScenes(NamedTuple):
+    """How many to train on, how many to weigh the score's evidence on, and the folder where they are kept."""
+
+    trained: int
+    weighed: int
+    folder: Path
+
 
 class TrainingPictures(NamedTuple):
-    """``training``: one sequence a set; ``counted``: in words, by set."""
+    """``training``: one sequence a set, some more than once; ``weighing``: for the score; ``counted``: in words."""
 
     training: list[list[LabelledImage]]
     held_out: list[LabelledImage]
+    weighing: list[LabelledImage]
     counted: str
 
     @property
     def names(self) -> dict[str, list[str]]:
         """The names of the pictures, for a configuration that shall say what was trained on."""
-        trained = [image.path.name for images in self.training for image in images]
+        sets = {id(images): images for images in self.training}.values()
+        trained = [image.path.name for images in sets for image in images]
         return {"trained": trained, "held_out": [image.path.name for image in self.held_out]}
 
 
@@ -32,14 +45,15 @@ def gather(
     classes: Sequence[str],
     held_out: float,
     seed: int,
-    painted: tuple[int, Path],
+    painted: PaintedScenes,
     report: Callable[[str], None],
 ) -> TrainingPictures:
-    """The pictures of ``data``, and so many ``painted`` scenes in a folder; divided unless ``validate`` names others.
+    """The pictures of ``data``, and ``painted`` scenes; divided unless ``validate`` names others.
 
-    Raises UsageError where there is nothing to train on, and what the readers raise.
+    Half of what is trained on are painted scenes, where there are some and other pictures, too. Raises UsageError where
+    there is nothing to train on, and what the readers raise.
     """
-    scenes, folder = painted
+    scenes = painted.trained
     if not data and not scenes:
         raise UsageError("nothing to train on", "name folders of labelled pictures, or give --scenes")
     training: list[list[LabelledImage]] = []
@@ -52,9 +66,9 @@ def gather(
         judged += kept
         counted.append(f"{len(rest)} pictures of {path.name}")
     if scenes:
-        training.append([*paint(folder / "train", range(scenes), report)])
+        training += [[*paint(painted.folder / "train", range(scenes), report)]] * max(1, len(data))
         # Seeds of the held-out scenes lie apart, so that a larger --scenes never trains on them.
-        judged += [] if validate else paint(folder / "held_out", _apart(scenes), report)
+        judged += [] if validate else paint(painted.folder / "held_out", _apart(scenes), report)
         counted.append(f"{scenes} painted scenes")
     if len(judged) < 2:
         raise UsageError("fewer than two pictures are held out to judge by", "give --validate, or label more")
@@ -63,7 +77,16 @@ def gather(
     }
     if twice:
         raise UsageError(f"{min(twice)}: to train on and to judge by", "give --validate other pictures")
-    return TrainingPictures(training, judged, f"{', '.join(counted)}; {len(judged)} held out")
+    counts = f"{', '.join(counted)}; {len(judged)} held out"
+    return TrainingPictures(training, judged, paint_to_weigh(painted, report), counts)
+
+
+def paint_to_weigh(painted: PaintedScenes, report: Callable[[str], None]) -> list[LabelledImage]:
+    """The scenes to weigh the score's evidence on; none where none are wanted."""
+    if not painted.weighed:
+        return []
+    seeds = range(FIRST_SEED_TO_WEIGH, FIRST_SEED_TO_WEIGH + painted.weighed)
+    return [*paint(painted.folder / "weighed", seeds, report)[: painted.weighed]]
 
 
 def paint(folder: Path, seeds: range, report: Callable[[str], None]) -> list[IdsImage]:

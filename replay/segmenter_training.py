@@ -1,4 +1,4 @@
-"""One training of ``scpf train segmenter``: its run folder opened, trained in, and the best weights put in place."""
+"""One training of ``scpf train segmenter``: its run folder opened, trained in, and the weights put in place."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def run_training(
     resume: bool,
     overwrite: bool,
 ) -> polenet.WeightsInfo:
-    """Trains in ``folder``, copies the best weights to ``output`` and returns what they say of themselves.
+    """Trains in ``folder``, copies the weights to ``output`` and returns what they say of themselves.
 
     Raises InputError and MissingError where the folder cannot be begun or gone on in.
     """
@@ -46,17 +46,19 @@ def run_training(
     if not opened.has_tensorboard:
         say("curves as CSV alone: TensorBoard's need scpf[train]")
     trained_on = f"{gathered.counted} (seed {seed}, at most {settings.steps} steps)"
+    if gathered.weighing:
+        trained_on += f"; evidence weighed on {len(gathered.weighing)} painted scenes"
     about = polenet.WeightsInfo(trained_on, licence=licence)
     try:
         info = train(
             gathered.training, gathered.held_out, folder, settings, seed, about,
-            resume=resume, report=say, curves=opened.curves,
+            resume=resume, report=say, curves=opened.curves, weighing=gathered.weighing,
         )  # fmt: skip
     except KeyboardInterrupt:
-        say(f"interrupted: go on with --resume; the best weights so far are {folder / BEST}")
+        say(f"interrupted: go on with --resume; the weights so far are {folder / settings.kept}")
         raise
     finally:
         opened.close()
     with whole(output) as partial:
-        shutil.copyfile(folder / BEST, partial)
+        shutil.copyfile(folder / settings.kept, partial)
     return info

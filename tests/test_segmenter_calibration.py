@@ -87,7 +87,7 @@ def test_pictures_without_a_found_pole_fit_no_score(
 def test_painted_scenes_weigh_the_evidence_and_the_site_sets_the_odds(site: Path, tmp_path: Path) -> None:
     output, painted = tmp_path / "site.safetensors", tmp_path / "painted"
     command = ["train", "segmenter", "--calibrate", str(WEIGHTS), str(site), "-o", str(output), "-q"]
-    assert run([*command, "--scenes", "3", "--scenes-folder", str(painted)]) == 0
+    assert run([*command, "--weigh-scenes", "3", "--scenes-folder", str(painted)]) == 0
     info = polenet.load(output)[1]
     assert info.trained_on.endswith(f"2 pictures of {site.name}, its evidence weighed on 3 painted scenes")
     net = for_inference(polenet.load(WEIGHTS)[0])
@@ -102,7 +102,8 @@ def test_painted_scenes_weigh_the_evidence_and_the_site_sets_the_odds(site: Path
     [
         (["-o", "a.safetensors"], "fewer than two pictures"),
         (["SITE"], "no --output"),
-        (["SITE", "-o", "a.safetensors", "--scenes", "-1"], "not negative"),
+        (["SITE", "-o", "a.safetensors", "--weigh-scenes", "-1"], "not negative"),
+        (["SITE", "-o", "a.safetensors", "--scenes", "3"], "trains on no scenes"),
         (["SITE", "-o", "a.safetensors", "--evaluate", "polenet"], "both --evaluate and --calibrate"),
     ],
 )
