@@ -1,7 +1,8 @@
 """Poles cut out of labelled pictures and pasted into others, so that a pole is learnt apart from what stands round it.
 
 Copy-paste augmentation (Ghiasi et al., CVPR 2021): a network that saw poles in simulated streets alone takes the
-street for part of the pole, and overlooks one before a scaffold.
+street for part of the pole, and overlooks one before a scaffold. Signs come beside them, drawn and not labelled: else
+each post that does not fit its background would be a pole.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from scpf.models.instances import BoolMask, Image, Instance
 from scpf.models.labelled_images import MOST_IDS, Ids, Picture
 from scpf.models.pasted_scaffold import Rectangle, draw_scaffold
+from scpf.models.pasted_signs import draw_sign
 
 LEAST_CUT_PX = (60, 3)  # height and mean width of a pole worth cutting out
 WHOLE = 0.93  # share of the rows that show it: leaves before a pole would come along as gaps
@@ -23,7 +25,8 @@ HEIGHT_RATIOS = (2.5, 6.5)  # of a pole to the camera's height, 1.4 to 2.4 m: si
 LEAST_SHOWN = 0.12  # of the picture's height
 LEAST_SCALE, MOST_SCALE = 0.2, 3.0  # a pole cut out is not shrunk or enlarged by more
 MOST_PASTED = 3
-WITH_SCAFFOLD = 0.45
+WITH_SCAFFOLD, WITH_SIGNS = 0.45, 0.5
+MOST_SIGNS = 2
 LEAST_CONTRAST = 14.0  # of 255, mean over the pole: what cannot be seen cannot be learnt
 EDGE_PX = 2  # around the mask, where it fades out
 
@@ -47,6 +50,10 @@ def paste_poles(image: Image, ids: Ids, donor: Picture, horizon_px: float, rng: 
     if not donors:
         return
     before = draw_scaffold(image, ids, rng) if rng.random() < WITH_SCAFFOLD else None
+    if rng.random() < WITH_SIGNS:
+        for _ in range(rng.integers(1, MOST_SIGNS + 1)):
+            foot = horizon_px + _below_px(image.shape[0], rng)
+            draw_sign(image, ids, _across_px(image.shape[1], 0, before, rng), foot, horizon_px, rng)
     for _ in range(rng.integers(1, MOST_PASTED + 1)):
         number = next((k for k in range(1, MOST_IDS) if not (ids == k).any()), None)
         if number is None:
@@ -71,12 +78,24 @@ def _stand(height_px: int, horizon_px: float, rng: np.random.Generator) -> tuple
     """The first row of a pole and its height, both in px."""
     top = high = 0.0
     for _ in range(20):
-        below = float(np.exp(rng.uniform(*np.log(BELOW_HORIZON)))) * height_px
+        below = _below_px(height_px, rng)
         high = below * float(np.exp(rng.uniform(*np.log(HEIGHT_RATIOS))))
         top = horizon_px + below - high
         if min(height_px, top + high) - max(0.0, top) > LEAST_SHOWN * height_px:
             break
     return top, high
+
+
+def _below_px(height_px: int, rng: np.random.Generator) -> float:
+    """How far below the horizon a foot is: near ones as often as far ones."""
+    return float(np.exp(rng.uniform(*np.log(BELOW_HORIZON)))) * height_px
+
+
+def _across_px(width_px: int, columns: int, before: Rectangle | None, rng: np.random.Generator) -> int:
+    """The first column of what is ``columns`` wide: mostly before the scaffold, where there is one."""
+    if before is not None and rng.random() < 0.75:
+        return int(np.clip(rng.uniform(before[0], before[2]) - columns / 2, 0, max(0, width_px - columns)))
+    return int(rng.integers(0, max(1, width_px - columns)))
 
 
 def _cut(image: Image, instance: Instance) -> _Cutting:
@@ -113,9 +132,7 @@ def _paste(
     rng: np.random.Generator,
 ) -> None:
     (height, width), (rows, columns) = ids.shape, cutting.alpha.shape
-    x1 = int(rng.integers(0, max(1, width - columns)))
-    if before is not None and rng.random() < 0.75:
-        x1 = int(np.clip(rng.uniform(before[0], before[2]) - columns / 2, 0, max(0, width - columns)))
+    x1 = _across_px(width, columns, before, rng)
     y1, x2, y2 = max(top_px, 0), min(x1 + columns, width), min(top_px + rows, height)
     if x2 - x1 < 3 or y2 - y1 < 8:
         return

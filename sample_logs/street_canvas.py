@@ -175,7 +175,8 @@ class Canvas:
         hazed = cv2.addWeighted(
             texture, clear, np.full_like(texture, np.asarray(self._haze_colour, np.uint8)), 1 - clear, 0
         )
-        warped = cv2.warpPerspective(hazed, to_image, (int(x2 - x1), int(y2 - y1)))
+        size = (int(x2 - x1), int(y2 - y1))
+        warped = cv2.warpPerspective(hazed, to_image, size, borderMode=cv2.BORDER_REPLICATE)
         inside = np.zeros((y2 - y1, x2 - x1), np.uint8)
         cv2.fillConvexPoly(inside, np.round(np.clip(pixels - (x1, y1), -30000, 30000)).astype(np.int32), 1)
         self.image[y1:y2, x1:x2][inside > 0] = warped[inside > 0]

@@ -60,7 +60,9 @@ def scaffold(
     r = rng.uniform(0.02, 0.04)
     tubes = []
     for depth in (np.sign(x_m) * 0.9, 0.0):
-        tubes += [Tube((x_m + depth, 0, z), (x_m + depth, ys[-1] + 1.0, z), r, r) for z in zs]
+        tubes += [
+            Tube((x_m + depth, 0, z), (x_m + depth, ys[-1] + 1.0, z), r, r, rng.uniform(0.7, 1.3)) for z in zs
+        ]
         tubes += [Tube((x_m + depth, y + 0.02, zs[0]), (x_m + depth, y + 0.02, zs[-1]), r * s, r * s)
                   for y in ys[1:] for s in (1.0, 2.0)]  # fmt: skip
         tubes += [Tube((x_m + depth, y + 1.0, zs[0]), (x_m + depth, y + 1.0, zs[-1]), r, r) for y in ys]

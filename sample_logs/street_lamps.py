@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from scpf.models.labelled_images import IGNORED_ID
+from scpf.sample_logs.street_billboards import board
 from scpf.sample_logs.street_canvas import Canvas, Colour, Floats, Tube
 from scpf.sample_logs.street_looks import grey
-from scpf.sample_logs.street_signs import board, plate
+from scpf.sample_logs.street_signs import plate
 
 LEAST_LAMP_POST_M = 4.0  # park lanterns below are lamps, but hardly landmarks
 FAINT = 0.25  # share of the posts that are hardly brighter or darker than what lies behind them

@@ -16,14 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.instances import Image
-from scpf.sample_logs import street_objects, street_signs
+from scpf.sample_logs.street_billboards import billboard
 from scpf.sample_logs.street_canvas import Canvas
 from scpf.sample_logs.street_flags import flags
 from scpf.sample_logs.street_ground import LEFT, RIGHT, Street, paint_cables, paint_ground, paint_shadows
 from scpf.sample_logs.street_houses import facade, lumber, scaffold, site_fence
 from scpf.sample_logs.street_lamps import LampDesign, lamp_post
 from scpf.sample_logs.street_looks import any_colour
+from scpf.sample_logs.street_objects import car, fence
 from scpf.sample_logs.street_plants import bush, tree
+from scpf.sample_logs.street_signs import sign_post
 
 SIZES_PX = ((1024, 768), (1248, 384), (1152, 640))
 SIZE_SHARES = (0.5, 0.36, 0.14)
@@ -75,6 +77,7 @@ def _houses(street: Street, rng: np.random.Generator) -> list[Thing]:
                 found.append(
                     (z + length * 0.3, partial(scaffold, street.canvas, rng, front, z, length, tall))
                 )
+                found += _before_a_scaffold(street, rng, side, front, z, length)
             house = partial(_house, street.canvas, rng, side, x, z, length, tall, light)
             found.append((z + length * 0.6, house))
             z += length + (rng.uniform(1, 14) if rng.random() < 0.5 else 0.0)
@@ -105,13 +108,25 @@ def _house(
     )
 
 
+def _before_a_scaffold(
+    street: Street, rng: np.random.Generator, side: int, front_m: float, z_m: float, length_m: float
+) -> list[Thing]:
+    """What is taken for a lamp post the more easily the more of its like stand behind it."""
+    found: list[Thing] = []
+    for _ in range(rng.integers(0, 4)):
+        z, x = max(z_m, 4.0) + rng.uniform(0, 0.3) * length_m, front_m - side * rng.uniform(0.3, 3.0)
+        draw = (sign_post, sign_post, site_fence, lumber, billboard)[rng.integers(5)]
+        found.append((z, partial(draw, street.canvas, rng, x, z)))
+    return found
+
+
 def _clutter(street: Street, rng: np.random.Generator) -> list[Thing]:
     """Signs, fences, boards, building timber, cars, trees and bushes."""
     found: list[Thing] = []
     furniture = (
-        (street_signs.sign_post, 5, 4.0),
-        (street_objects.fence, 3, 4.0),
-        (street_signs.billboard, 4, 4.5),
+        (sign_post, 5, 4.0),
+        (fence, 3, 4.0),
+        (billboard, 4, 4.0),
         (flags, 5, 10.0),
         (lumber, 2, 4.0),
         (site_fence, 3, 4.0),
@@ -125,7 +140,7 @@ def _clutter(street: Street, rng: np.random.Generator) -> list[Thing]:
         for _ in range(rng.integers(0, 4)):
             z = _distance_m(rng, 7.0)
             x = street.x_m(side, -rng.uniform(0.8, 3), z)
-            found.append((z, partial(street_objects.car, street.canvas, rng, x, z)))
+            found.append((z, partial(car, street.canvas, rng, x, z)))
         row = rng.uniform(1, street.verge_m + 1)
         for plant, most in ((tree, 10), (bush, 8)):
             for _ in range(rng.integers(0, most)):

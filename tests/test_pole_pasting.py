@@ -31,8 +31,9 @@ def donor(top: int = 20, *, gap: int = 0) -> Picture:
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Poles alone: no scaffold behind, nothing on them, their colours kept."""
+    """Poles alone: no scaffold behind, no signs, nothing on them, their colours kept."""
     monkeypatch.setattr(pole_pasting, "WITH_SCAFFOLD", 0.0)
+    monkeypatch.setattr(pole_pasting, "WITH_SIGNS", 0.0)
     monkeypatch.setattr(pole_pasting, "_hang", lambda *arguments: None)
     monkeypatch.setattr(pole_pasting, "_rails", lambda *arguments: None)
     monkeypatch.setattr(pole_pasting, "_toned", lambda colours, *arguments: colours)
@@ -107,6 +108,17 @@ def test_a_picture_however_small_takes_a_scaffold_and_poles(size: tuple[int, int
         x1, y1, x2, y2 = draw_scaffold(image, ids, np.random.default_rng(seed))
         assert 0 <= x1 < x2 <= size[1] and 0 <= y1 < y2 <= size[0]
         paste_poles(image, ids, donor(), size[0] / 2, np.random.default_rng(seed))
+
+
+def test_signs_come_with_pasted_poles_and_stand_on_the_road(monkeypatch: pytest.MonkeyPatch) -> None:
+    places: list[tuple[float, float]] = []
+    monkeypatch.setattr(
+        pole_pasting, "draw_sign", lambda image, ids, x, foot, horizon, rng: places.append((x, foot))
+    )
+    for seed in range(30):
+        pasted(seed, donor())
+    assert 10 <= len(places) <= 40
+    assert all(0 <= x < 400 and 140 < foot <= 140 + 0.6 * 300 for x, foot in places)
 
 
 def test_what_hangs_on_a_pole_or_crosses_it_is_no_pole() -> None:

@@ -11,11 +11,12 @@ import pytest
 
 from scpf.models.labelled_images import IGNORED_ID
 from scpf.sample_logs import street_signs
+from scpf.sample_logs.street_billboards import billboard, poster
 from scpf.sample_logs.street_canvas import Canvas, StreetCamera, Tube
 from scpf.sample_logs.street_flags import flags
 from scpf.sample_logs.street_houses import site_fence
 from scpf.sample_logs.street_scenes import MOST_LAMPS, SIZES_PX, scene, write_scenes
-from scpf.sample_logs.street_signs import billboard, sign_post
+from scpf.sample_logs.street_signs import sign_post
 
 
 def black_canvas(width_px: int = 640, height_px: int = 480, *, level: bool = False) -> Canvas:
@@ -140,3 +141,13 @@ def test_the_post_of_a_sign_seen_from_behind_stands_before_its_plates(
             broken[share] += int(np.ptp(post, axis=0).max() > 20)
     assert broken[0.0] >= 5
     assert broken[1.0] == 0
+
+
+def test_a_poster_is_printed_all_over_and_another_for_another_seed() -> None:
+    first, again, other = (poster(np.random.default_rng(seed), 2.0, 1.5) for seed in (1, 1, 2))
+    assert first.shape == (72, 96, 3)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    deviations = [poster(np.random.default_rng(seed), 2.0, 1.5).std() for seed in range(10)]
+    assert min(deviations) > 3
+    assert np.median(deviations) > 20
