@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from scpf.ingest.findings import SEVERITIES, Finding
+from scpf.models.cores import usable_cores
 from scpf.models.errors import ScpfError
 
 TESTED_PYTHON: Final = "3.11"
@@ -60,8 +60,7 @@ class Machine:
 
 def examine_machine() -> Machine:
     """Everything that can be wrong with an installation, collected."""
-    cpus = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    found = Machine(platform.python_version(), platform.platform(), cpus)
+    found = Machine(platform.python_version(), platform.platform(), usable_cores())
     for name in ("scpf", *TESTED, *OPTIONAL):
         found.versions[name] = _version(name)
     findings = [*_python(), *_packages(found.versions), *_vulkan(), *_models()]

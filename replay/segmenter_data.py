@@ -7,12 +7,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 from scpf.ingest.labelled_folders import labelled_images
+from scpf.models.cores import usable_cores
 from scpf.models.errors import UsageError
 from scpf.models.labelled_images import IdsImage, LabelledImage, ids_images, split
-from scpf.sample_logs.street_scenes import write_scenes
+from scpf.sample_logs.scene_files import write_scenes
 
 FIRST_SEED_TO_WEIGH = 2 * 10**6
 """Of the scenes that the evidence is weighed on: no training and no validation paints them."""
+
+WORTH_PROCESSES = 64  # fewer scenes are painted before several processes have begun
+TOLD_EVERY = 100
 
 
 class PaintedScenes(NamedTuple):
@@ -92,7 +96,13 @@ def paint_to_weigh(painted: PaintedScenes, report: Callable[[str], None]) -> lis
 def paint(folder: Path, seeds: range, report: Callable[[str], None]) -> list[IdsImage]:
     """Paints the street scenes of ``seeds`` into ``folder``; all that lie there then."""
     report(f"painting {len(seeds)} scenes into {folder}")
-    write_scenes(folder, seeds)
+
+    def told(done: int) -> None:
+        if done % TOLD_EVERY == 0:
+            report(f"{done} of {len(seeds)} scenes")
+
+    cores = usable_cores() if len(seeds) >= WORTH_PROCESSES else 1
+    write_scenes(folder, seeds, workers=cores, progress=told)
     return ids_images(folder)
 
 

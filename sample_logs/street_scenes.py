@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -50,15 +49,6 @@ def scene(seed: int, size_px: tuple[int, int] | None = None) -> tuple[Image, NDA
         draw()
     paint_cables(street, rng)
     return _photograph(rng, street.canvas.image), street.canvas.ids
-
-
-def write_scenes(folder: Path, seeds: range) -> None:
-    """Writes ``toy_SEED.jpg`` and ``toy_SEED.png`` (ids) of every seed into ``folder``."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for seed in seeds:
-        image, ids = scene(seed)
-        cv2.imwrite(str(folder / f"toy_{seed:06d}.jpg"), image, [cv2.IMWRITE_JPEG_QUALITY, 92])
-        cv2.imwrite(str(folder / f"toy_{seed:06d}.png"), ids)
 
 
 def _houses(street: Street, rng: np.random.Generator) -> list[Thing]:

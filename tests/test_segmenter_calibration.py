@@ -18,7 +18,8 @@ from scpf.models.polenet_inference import for_inference
 from scpf.models.polenet_validation import judge
 from scpf.models.segmentation import load
 from scpf.replay.cli import run
-from scpf.sample_logs.street_scenes import scene, write_scenes
+from scpf.sample_logs.scene_files import write_scenes
+from scpf.sample_logs.street_scenes import scene
 
 WEIGHTS = polenet.weights_path("polenet")
 

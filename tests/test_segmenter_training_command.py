@@ -17,7 +17,8 @@ from scpf.models import polenet
 from scpf.models.instances import instance_from_mask
 from scpf.replay.cli import run
 from scpf.replay.segmenter_data import PaintedScenes, gather
-from scpf.sample_logs.street_scenes import scene, write_scenes
+from scpf.sample_logs.scene_files import write_scenes
+from scpf.sample_logs.street_scenes import scene
 
 
 @pytest.fixture(autouse=True)

@@ -9,13 +9,15 @@ import cv2
 import numpy as np
 import pytest
 
+from scpf.models.errors import InputError
 from scpf.models.labelled_images import IGNORED_ID
 from scpf.sample_logs import street_signs
+from scpf.sample_logs.scene_files import write_scenes
 from scpf.sample_logs.street_billboards import billboard, poster
 from scpf.sample_logs.street_canvas import Canvas, StreetCamera, Tube
 from scpf.sample_logs.street_flags import flags
 from scpf.sample_logs.street_houses import site_fence
-from scpf.sample_logs.street_scenes import MOST_LAMPS, SIZES_PX, scene, write_scenes
+from scpf.sample_logs.street_scenes import MOST_LAMPS, SIZES_PX, scene
 from scpf.sample_logs.street_signs import sign_post
 
 
@@ -105,6 +107,22 @@ def test_written_scenes_are_read_back(tmp_path: Path) -> None:
     written = cv2.imread(str(tmp_path / "toy_000005.jpg"))
     assert written is not None
     assert np.abs(written.astype(int) - image).mean() < 8
+
+
+def test_two_processes_write_what_one_does(tmp_path: Path) -> None:
+    told: list[int] = []
+    write_scenes(tmp_path / "one", range(3))
+    write_scenes(tmp_path / "two", range(3), workers=2, progress=told.append)
+    assert told == [1, 2, 3]
+    one, two = (sorted((tmp_path / name).iterdir()) for name in ("one", "two"))
+    assert [path.name for path in one] == [path.name for path in two]
+    assert all(a.read_bytes() == b.read_bytes() for a, b in zip(one, two, strict=True))
+
+
+def test_a_scene_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "toy_000000.jpg").mkdir()
+    with pytest.raises(InputError, match=r"toy_000000\.jpg cannot be written"):
+        write_scenes(tmp_path, range(1))
 
 
 @pytest.mark.parametrize("draw", [sign_post, billboard])

@@ -159,7 +159,7 @@ def test_what_eight_bits_cost(segmenters: dict[str, Any], tmp_path: Path) -> Non
     """Precision and recall on painted scenes that no training saw."""
     from scpf.models.labelled_images import ids_images
     from scpf.models.segmentation_evaluation import EvaluationSettings, evaluate
-    from scpf.sample_logs.street_scenes import write_scenes
+    from scpf.sample_logs.scene_files import write_scenes
 
     write_scenes(tmp_path, range(2_000_000, 2_000_060))
     images = ids_images(tmp_path)
