@@ -55,8 +55,8 @@ def paste_poles(image: Image, ids: Ids, donor: Picture, horizon_px: float, rng: 
             foot = horizon_px + _below_px(image.shape[0], rng)
             draw_sign(image, ids, _across_px(image.shape[1], 0, before, rng), foot, horizon_px, rng)
     for _ in range(rng.integers(1, MOST_PASTED + 1)):
-        number = next((k for k in range(1, MOST_IDS) if not (ids == k).any()), None)
-        if number is None:
+        free = np.flatnonzero(np.bincount(ids.ravel(), minlength=MOST_IDS)[1:MOST_IDS] == 0)
+        if not len(free):
             return
         instance = donors[rng.integers(len(donors))]
         top, high = _stand(image.shape[0], horizon_px, rng)
@@ -65,7 +65,7 @@ def paste_poles(image: Image, ids: Ids, donor: Picture, horizon_px: float, rng: 
             top = min(top, 0.0) - 0.03 * high
         if LEAST_SCALE < high / instance.mask.shape[0] < MOST_SCALE:
             cutting = _resized(_cut(donor.image, instance), high, rng)
-            _paste(image, ids, cutting, number, round(top), before, rng)
+            _paste(image, ids, cutting, 1 + int(free[0]), round(top), before, rng)
 
 
 def _worth_it(mask: BoolMask) -> bool:

@@ -21,7 +21,7 @@ from scpf.models import polenet, polenet_inference
 from scpf.models.labelled_images import LabelledImage
 from scpf.models.polenet_losses import loss
 from scpf.models.polenet_samples import Sample, make_sample
-from scpf.models.polenet_validation import judged_weights
+from scpf.models.polenet_validation import REST, judged_weights
 from scpf.models.training_state import TrainingState
 
 Losses = dict[str, float]
@@ -129,7 +129,7 @@ def train(
         report(f"step {state.best_step} is the best")
     report(f"judging by {len(held_out)} pictures{f' and {len(weighing)} to weigh on' if weighing else ''}")
     net, _ = polenet.load(run_folder / settings.kept)
-    info = judged_weights(net.to(settings.device), held_out, about, np.s_[1::2], weighing)
+    info = judged_weights(net.to(settings.device), held_out, about, REST, weighing)
     report(_line(info.figures))
     polenet.save(run_folder / settings.kept, net, info)
     return info

@@ -29,6 +29,10 @@ LEAST_ON_POLE = 0.6  # with this share of its pixels,
 LEAST_HEIGHT_OVERLAP = 0.5  # and their heights overlap so much (intersection over union)
 SMALL_HEIGHT_PX, SMALL_AREA_PX = 48, 120  # smaller ones may be missed or found, neither counts
 THRESHOLDS = (0.5, 0.7, 0.9)
+FITTED, REST = (
+    np.s_[0::2],
+    np.s_[1::2],
+)  # the images that a score is fitted to, and those that it is judged by
 
 
 class Verdict(NamedTuple):
@@ -159,7 +163,7 @@ def judged_weights(
     folded = for_inference(net)
     judged = judge(folded, held_out)
     weighed = judge(folded, weighing)
-    calibration = judged.calibration(weighed, np.s_[0::2])
+    calibration = judged.calibration(weighed, FITTED)
     return replace(about, calibration=calibration, figures=judged.figures(calibration, part))
 
 

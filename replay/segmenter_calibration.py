@@ -6,14 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from scpf.ingest.labelled_folders import labelled_images
 from scpf.models import polenet
 from scpf.models.errors import InputError, UsageError
 from scpf.models.labelled_images import LabelledImage
 from scpf.models.polenet_inference import for_inference
-from scpf.models.polenet_validation import judge
+from scpf.models.polenet_validation import FITTED, REST, judge
 from scpf.replay.segmenter_data import PaintedScenes, paint_to_weigh, told
 
 FEWEST_TO_WEIGH = 100
@@ -43,23 +41,23 @@ def calibrate_segmenter(
     names = ", ".join(path.name for path in data)
     fitted_to = f"score fitted to {(len(images) + 1) // 2} pictures of {names}"
     judged = judge(folded, told(images, say))
-    right = [verdict.detected for verdict in judged.verdicts(np.s_[0::2])]
+    right = [verdict.detected for verdict in judged.verdicts(FITTED)]
     if not any(right):
         text = f"{names}: none of the {len(right)} candidates in every other picture is a labelled pole"
         raise InputError(text, "label more pictures, or train with --start")
     if weighing := paint_to_weigh(painted, say):
-        calibration = judged.calibration(judge(folded, told(weighing, say)), np.s_[0::2])
+        calibration = judged.calibration(judge(folded, told(weighing, say)), FITTED)
         fitted_to += f", its evidence weighed on {len(weighing)} painted scenes"
     elif len(right) < FEWEST_TO_WEIGH:
-        calibration = judged.fit_scale(info.calibration, np.s_[0::2])
+        calibration = judged.fit_scale(info.calibration, FITTED)
         fitted_to += f", {len(right)} candidates: slope and constant alone"
         say(f"{fitted_to} (more pictures, or --weigh-scenes 600, weigh the evidence anew)")
     else:
-        calibration = judged.fit_calibration(np.s_[0::2])
+        calibration = judged.fit_calibration(FITTED)
     fitted = replace(
         info,
         calibration=calibration,
-        figures=judged.figures(calibration, np.s_[1::2]),
+        figures=judged.figures(calibration, REST),
         trained_on=f"{info.trained_on}; {fitted_to}",
     )
     polenet.save(output, net, fitted)
