@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from scpf.ingest.findings import SEVERITIES, Finding
-from scpf.models.cores import usable_cores
 from scpf.models.errors import ScpfError
+from scpf.models.worker_processes import usable_cores
 
 TESTED_PYTHON: Final = "3.11"
 TESTED: Final = {

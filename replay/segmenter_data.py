@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from scpf.ingest.labelled_folders import labelled_images
-from scpf.models.cores import usable_cores
 from scpf.models.errors import UsageError
 from scpf.models.labelled_images import IdsImage, LabelledImage, ids_images, split
+from scpf.models.worker_processes import usable_cores
 from scpf.sample_logs.scene_files import write_scenes
 
 FIRST_SEED_TO_WEIGH = 2 * 10**6

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
 import shutil
 import signal
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
 from scpf.models.errors import InputError, ScpfError
+from scpf.models.worker_processes import worker_pool
 from scpf.sample_logs.finished_frames import FinishedFrame, load_frame, save_frame, write_whole
 
 Make = Callable[[int], FinishedFrame]
@@ -88,12 +88,7 @@ def render_all(
                 progress(done, resumed, count)
         return len(missing)
     jobs = [list(job) for _, job in groupby(missing, key=lambda index: index // together)]
-    pool = ProcessPoolExecutor(
-        min(workers, len(jobs)),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start,
-        initargs=(prepare, folder),
-    )
+    pool = worker_pool(min(workers, len(jobs)), _start, (prepare, folder))
     try:
         for future in as_completed([pool.submit(_render, job) for job in jobs]):
             done += future.result()

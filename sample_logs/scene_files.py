@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.errors import InputError
+from scpf.models.worker_processes import worker_pool
 from scpf.sample_logs.street_scenes import scene
 
 JPEG_QUALITY = 92
@@ -33,9 +32,7 @@ def write_scenes(
             write(seed)
             progress(done)
         return
-    with ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=cv2.setNumThreads, initargs=(1,)
-    ) as pool:
+    with worker_pool(workers, cv2.setNumThreads, (1,)) as pool:
         for done, _ in enumerate(pool.map(write, seeds, chunksize=TOGETHER), start=1):
             progress(done)
 
