@@ -30,6 +30,7 @@ Curves = Callable[[str, int, Mapping[str, float]], None]  # "loss" or "validatio
 
 BEST = "best.safetensors"
 LAST = "last.safetensors"
+FINAL = "final.safetensors"
 STATE = "last.pt"
 JUDGED_BY = "mask_ap50"
 
@@ -55,14 +56,15 @@ class TrainingSettings:
     patience: int = 0
     report_every: int = 25
     limit_s: float = float("inf")
-    start: Path | None = None  # weights to go on from
+    start: Path | None = None  # weights to go on from,
+    keep_start: float = 0.0  # and their share in those that the training ends with
     pasted: float = 0.0
     device: str = "cpu"
     workers: int = 1
 
     @property
     def kept(self) -> str:
-        """The file in the run folder whose weights a training ends with."""
+        """The file in the run folder that becomes `FINAL`."""
         return BEST if self.patience else LAST
 
 
@@ -79,12 +81,12 @@ def train(
     curves: Curves = lambda kind, step, values: None,
     weighing: Sequence[LabelledImage] = (),
 ) -> polenet.WeightsInfo:
-    """Trains and calibrates; leaves the best weights as `BEST` and those of the last validation as `LAST`.
+    """Trains and calibrates; leaves weights as `FINAL`, the best as `BEST`, those of the last validation as `LAST`.
 
     Every set of ``training`` is drawn equally often, whatever its size. The best are those with the highest mask AP on
-    a validation. In the end the calibration of `TrainingSettings.kept` is fitted on every other held-out image, or
-    there only its scale, where ``weighing`` holds images to weigh the evidence on. Returns what these weights say of
-    themselves; the figures are of the other held-out images.
+    a validation. In the end `TrainingSettings.kept` are mixed with the start's weights, where that is wanted, and their
+    calibration is fitted on every other held-out image, or there only its scale, where ``weighing`` holds images to
+    weigh the evidence on. Returns what `FINAL` says of itself; the figures are of the other held-out images.
     ``about``: what the weights shall say of their training. ``resume``: go on from the `STATE` in the folder.
     """
     torch.manual_seed(seed)
@@ -129,9 +131,11 @@ def train(
         report(f"step {state.best_step} is the best")
     report(f"judging by {len(held_out)} pictures{f' and {len(weighing)} to weigh on' if weighing else ''}")
     net, _ = polenet.load(run_folder / settings.kept)
+    if settings.start and settings.keep_start:
+        net = polenet.mixed(net, polenet.load(settings.start)[0], settings.keep_start)
     info = judged_weights(net.to(settings.device), held_out, about, REST, weighing)
     report(_line(info.figures))
-    polenet.save(run_folder / settings.kept, net, info)
+    polenet.save(run_folder / FINAL, net, info)
     return info
 
 

@@ -31,6 +31,7 @@ def train_segmenter(
     minutes: float = float("inf"),
     patience: int = 6,
     start: Path | None = None,
+    keep_start: float = 0.0,
     device: Literal["auto", "cpu", "cuda", "mps"] = "auto",
     workers: int = 1,
     run: Path | None = None,
@@ -108,6 +109,9 @@ def train_segmenter(
         never does, and writes the last.
     start
         Weights to go on from: a file, or polenet for those that come with scpf.
+    keep_start
+        Write the mean of the trained weights and those of --start, these with so large a share: it knows most of what
+        is new, and forgets less. 0.5 is a good one.
     device
         Where to compute; a GPU computes in mixed precision.
     workers
@@ -180,12 +184,14 @@ def train_segmenter(
         raise UsageError("no --output", "name the weights to write: -o NAME.safetensors")
     if (
         scenes < 0 or weigh_scenes < 0 or steps < 1 or minutes <= 0 or patience < 0 or workers < 1
-        or not 0 < held_out < 1 or not 0 < learning_rate <= 1 or not 0 <= pasted <= 1
+        or not 0 < held_out < 1 or not 0 < learning_rate <= 1 or not 0 <= pasted <= 1 or not 0 <= keep_start < 1
     ):  # fmt: skip
         raise UsageError(
             "--steps, --minutes and --workers are positive, those of scenes and --patience not negative, "
-            "--held-out, --learning-rate and --pasted are between 0 and 1"
+            "--held-out, --learning-rate, --pasted and --keep-start are between 0 and 1"
         )
+    if keep_start and start is None:
+        raise UsageError("--keep-start without --start", "name the weights to go on from")
     painted = PaintedScenes(scenes, weigh_scenes, scenes_folder)
     if calibrate is not None:
         if scenes:
@@ -204,6 +210,7 @@ def train_segmenter(
         limit_s=60 * minutes,
         patience=patience,
         start=None if start is None else polenet.weights_path(start),
+        keep_start=keep_start,
         device=chosen.type,
         workers=workers,
     )

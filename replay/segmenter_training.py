@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from scpf.models import polenet
-from scpf.models.polenet_training import BEST, LAST, STATE, TrainingSettings, train
+from scpf.models.polenet_training import BEST, FINAL, LAST, STATE, TrainingSettings, train
 from scpf.models.whole_files import whole
 from scpf.replay.segmenter_data import TrainingPictures
 from scpf.replay.training_run import TrainingRun
@@ -42,10 +42,14 @@ def run_training(
         "start": None if settings.start is None else str(settings.start),
         "limit_s": settings.limit_s if math.isfinite(settings.limit_s) else None,
     }
-    opened = TrainingRun(folder, configuration, resume=resume, overwrite=overwrite, files=(BEST, LAST, STATE))
+    opened = TrainingRun(
+        folder, configuration, resume=resume, overwrite=overwrite, files=(BEST, LAST, FINAL, STATE)
+    )
     if not opened.has_tensorboard:
         say("curves as CSV alone: TensorBoard's need scpf[train]")
     trained_on = f"{gathered.counted} (seed {seed}, at most {settings.steps} steps)"
+    if settings.keep_start:
+        trained_on += f"; {settings.keep_start:g} of the weights are those that it started from"
     if gathered.weighing:
         trained_on += f"; evidence weighed on {len(gathered.weighing)} painted scenes"
     about = polenet.WeightsInfo(trained_on, licence=licence)
@@ -60,5 +64,5 @@ def run_training(
     finally:
         opened.close()
     with whole(output) as partial:
-        shutil.copyfile(folder / settings.kept, partial)
+        shutil.copyfile(folder / FINAL, partial)
     return info

@@ -17,7 +17,7 @@ from scpf.models import polenet, polenet_training
 from scpf.models.errors import DamagedError, InputError, MissingError
 from scpf.models.labelled_images import LabelledImage, ids_images
 from scpf.models.polenet_inference import for_inference
-from scpf.models.polenet_training import BEST, LAST, STATE, TrainingSettings, train
+from scpf.models.polenet_training import BEST, FINAL, LAST, STATE, TrainingSettings, train
 from scpf.models.polenet_validation import average_precision, judge
 from scpf.models.training_state import TrainingState
 from scpf.replay.training_run import TrainingRun
@@ -54,7 +54,7 @@ def test_training_leaves_the_best_weights_and_says_what_they_are(
     info = train(
         [images], images, tmp_path, TINY, 0, ABOUT, report=lines.append, curves=lambda *row: told.append(row)
     )
-    assert polenet.load(tmp_path / LAST)[1] == info
+    assert polenet.load(tmp_path / FINAL)[1] == info
     assert info.trained_on == "four scenes" and "mask_ap50" in info.figures
     assert [step for kind, step, _ in told if kind == "validation"] == [2, 4]
     assert [step for kind, step, _ in told if kind == "loss"] == [1, 2, 3, 4]
@@ -65,6 +65,31 @@ def test_training_leaves_the_best_weights_and_says_what_they_are(
 def test_without_early_stopping_the_last_weights_are_kept(tmp_path: Path) -> None:
     assert TINY.kept == LAST
     assert replace(TINY, patience=3).kept == BEST
+
+
+def test_the_start_keeps_its_share_of_the_weights(images: list[LabelledImage], tmp_path: Path) -> None:
+    torch.manual_seed(5)
+    start = tmp_path / "start.safetensors"
+    (tmp_path / "run").mkdir()
+    polenet.save(start, polenet.PoleNet(), ABOUT)
+    settings = replace(TINY, start=start, keep_start=0.25, learning_rate=0.03, warm_up_steps=1)
+    info = train([images], images, tmp_path / "run", settings, 0, ABOUT)
+    kept, last, final = (
+        polenet.load(path)[0].state_dict() for path in (start, *(tmp_path / "run" / n for n in (LAST, FINAL)))
+    )
+    assert not torch.allclose(kept["mask.weight"], last["mask.weight"], atol=1e-3)
+    for name, value in final.items():
+        if value.is_floating_point():
+            assert torch.allclose(
+                value, 0.25 * kept[name] + 0.75 * last[name], atol=2e-3, rtol=2e-3
+            )  # half floats
+    net = for_inference(polenet.load(tmp_path / "run" / FINAL)[0])
+    fitted = judge(net, images).fit_calibration(np.s_[0::2])
+    assert info.calibration.weights == pytest.approx(fitted.weights, abs=0.05)
+    # Going on where nothing is left to do mixes no second time.
+    train([images], images, tmp_path / "run", settings, 0, ABOUT, resume=True)
+    again = polenet.load(tmp_path / "run" / FINAL)[0].state_dict()
+    assert all(torch.equal(again[name], value) for name, value in final.items())
 
 
 def test_the_evidence_is_weighed_on_other_pictures(images: list[LabelledImage], tmp_path: Path) -> None:

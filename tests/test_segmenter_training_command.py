@@ -86,6 +86,8 @@ def test_what_cannot_be_trained_on_is_said(
     assert run(["train", "segmenter", str(scenes), *output, "--learning-rate", "0"]) == 2
     assert run(["train", "segmenter", str(scenes), *output, "--held-out", "1.5"]) == 2
     assert run(["train", "segmenter", str(scenes), *output, "--pasted", "1.5"]) == 2
+    assert run(["train", "segmenter", str(scenes), *output, "--keep-start", "0.5"]) == 2
+    assert "without --start" in capsys.readouterr().err
     assert run(["train", "segmenter", str(scenes), *output, "--validate", str(scenes)]) == 2
     assert "to judge by" in capsys.readouterr().err
     assert run(["train", "segmenter", str(tmp_path / "none"), *output]) == 1
