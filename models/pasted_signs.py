@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.instances import Image
 from scpf.models.labelled_images import Ids
+from scpf.models.painting import fill_polygon, plate_outline
 
 CAMERA_M = (1.4, 2.4)  # above the road, as in the painted scenes
 HEIGHT_M = (1.6, 3.8)
 POST_RADIUS_M, PLATE_RADIUS_M = (0.025, 0.06), (0.2, 0.55)
 FROM_BEHIND = 0.5  # share of the signs whose post stands before their grey backs
-SUBPIXEL_BITS = 4
 
 Corners = NDArray[np.float64]
 
@@ -42,14 +41,16 @@ def draw_sign(
         y += 2 * tall + rng.uniform(0.0, 0.3) * px_per_m
         if y > foot_px - 0.4 * high:
             break
-        _fill(
+        fill_polygon(
             image, ids, outline, _colour(back, 8, rng) if behind else _colour(rng.uniform(15, 245), 40, rng)
         )
         if not behind:
             middle = outline.mean(axis=0)
-            _fill(image, ids, middle + 0.75 * (outline - middle), _colour(rng.uniform(80, 250), 20, rng))
+            fill_polygon(
+                image, ids, middle + 0.75 * (outline - middle), _colour(rng.uniform(80, 250), 20, rng)
+            )
             glyph = np.array([(-0.12, -0.4), (0.12, -0.4), (0.12, 0.4), (-0.12, 0.4)]) * size
-            _fill(
+            fill_polygon(
                 image, ids, middle + glyph[:, :: rng.choice([-1, 1])], _colour(rng.uniform(5, 120), 20, rng)
             )
     if behind:
@@ -59,12 +60,10 @@ def draw_sign(
 def _outline(size_px: float, rng: np.random.Generator) -> tuple[Corners, float]:
     """A triangle, rectangle, octagon or disc, turned away a little, about its middle; half of its height."""
     corners = int(rng.choice([3, 4, 4, 8, 24]))
-    first = {3: np.pi / 2, 4: np.pi / 4, 8: np.pi / 8, 24: 0.0}[corners]
-    angles = first + np.arange(corners) * 2 * np.pi / corners
     wide, tall = rng.choice([1.0, rng.uniform(0.35, 1.0)]), 1.0
     if corners == 4:
         wide, tall = wide * rng.uniform(0.6, 1.3), rng.choice([0.2, rng.uniform(0.6, 1.3)])
-    outline = np.stack([wide * np.cos(angles), tall * np.sin(angles) * rng.choice([-1, 1])], axis=1) * size_px
+    outline = plate_outline(corners) * (wide, tall * rng.choice([-1, 1])) * size_px
     half = float(np.ptp(outline[:, 1])) / 2
     outline[:, 1] -= outline[:, 1].min() + half
     return outline, half
@@ -89,15 +88,8 @@ def _post(
         stripe = np.array(
             [(x + left, y), (x + right, y), (x + right + lean, y - high), (x + left + lean, y - high)]
         )
-        _fill(image, ids, stripe, np.clip(level * lit + tint, 0, 255))
+        fill_polygon(image, ids, stripe, np.clip(level * lit + tint, 0, 255).tolist())
 
 
-def _colour(level: float, tint: float, rng: np.random.Generator) -> Corners:
-    return np.clip(level + rng.uniform(-tint, tint, 3), 0, 255)
-
-
-def _fill(image: Image, ids: Ids, corners_px: Corners, colour: Corners) -> None:
-    """Fills a polygon whose corners are given in px, (0, 0) the corner of the first pixel."""
-    fixed = np.round((np.clip(corners_px, -8000, 8000) - 0.5) * (1 << SUBPIXEL_BITS)).astype(np.int32)
-    cv2.fillPoly(image, [fixed], colour.tolist(), cv2.LINE_AA, SUBPIXEL_BITS)
-    cv2.fillPoly(ids, [fixed], 0, cv2.LINE_8, SUBPIXEL_BITS)
+def _colour(level: float, tint: float, rng: np.random.Generator) -> list[float]:
+    return list(np.clip(level + rng.uniform(-tint, tint, 3), 0, 255).tolist())

@@ -29,10 +29,8 @@ LEAST_ON_POLE = 0.6  # with this share of its pixels,
 LEAST_HEIGHT_OVERLAP = 0.5  # and their heights overlap so much (intersection over union)
 SMALL_HEIGHT_PX, SMALL_AREA_PX = 48, 120  # smaller ones may be missed or found, neither counts
 THRESHOLDS = (0.5, 0.7, 0.9)
-FITTED, REST = (
-    np.s_[0::2],
-    np.s_[1::2],
-)  # the images that a score is fitted to, and those that it is judged by
+FITTED, REST = np.s_[0::2], np.s_[1::2]
+"""The images that a score is fitted to, and those that it is judged by."""
 
 
 class Verdict(NamedTuple):

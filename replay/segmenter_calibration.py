@@ -28,10 +28,10 @@ def calibrate_segmenter(
 ) -> polenet.WeightsInfo:
     """Writes ``weights`` to ``output`` with a score fitted to every other picture of ``data``; figures of the rest.
 
-    ``painted``: weighs the evidence on street scenes, and fits only slope and constant to ``data``: where pictures
-    hold few false candidates, these teach more. Without them, fewer candidates than
-    `FEWEST_TO_WEIGH` set slope and constant alone, too. Raises UsageError where fewer than two pictures are given,
-    InputError where the weights find no pole in those fitted to, and what loading and reading raise.
+    ``painted``: weighs the evidence on street scenes, and fits only slope and constant to ``data``: where pictures hold
+    few false candidates, these teach more. Without them, fewer candidates than `FEWEST_TO_WEIGH` set slope and constant
+    alone, too. Raises UsageError where fewer than two pictures are given, InputError where the weights find no pole in
+    those fitted to, and what loading and reading raise.
     """
     images: list[LabelledImage] = [image for path in data for image in labelled_images(path, classes)]
     if len(images) < 2:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.instances import Image
+from scpf.models.painting import SUBPIXEL_BITS, fill_polygon
 
 Floats = NDArray[np.floating[Any]]
 Colour = tuple[float, float, float]
 Point = tuple[float, float, float]
 
-SUBPIXEL_BITS = 4  # OpenCV takes polygon corners as fixed-point numbers
 OVERSAMPLING = 4  # tubes are covered on a 4 times finer grid: OpenCV's own edges make a 4 px pole 5 px thick
 NEAREST_M = 1.5  # nothing nearer than this is drawn: it would need clipping at the image plane
 
@@ -77,10 +77,7 @@ class Canvas:
 
     def polygon(self, points_px: Floats | Sequence[Floats], colour: Colour) -> None:
         """Fills a polygon; it hides the lamp posts behind it."""
-        corners = np.clip(np.asarray(points_px, dtype=np.float64), -8000, 8000)
-        fixed = np.round((corners - 0.5) * (1 << SUBPIXEL_BITS)).astype(np.int32)
-        cv2.fillPoly(self.image, [fixed], colour, cv2.LINE_AA, SUBPIXEL_BITS)
-        cv2.fillPoly(self.ids, [fixed], 0, cv2.LINE_8, SUBPIXEL_BITS)
+        fill_polygon(self.image, self.ids, points_px, colour)
 
     def surface(self, points_m: Sequence[Point] | Floats, colour: Colour) -> None:
         """Fills a polygon given in the street frame, unless a corner is too near."""

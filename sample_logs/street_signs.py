@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from scpf.models.painting import plate_outline
 from scpf.sample_logs.street_billboards import base
 from scpf.sample_logs.street_canvas import Canvas, Colour, Tube
 from scpf.sample_logs.street_looks import any_colour, grey
@@ -64,15 +65,14 @@ def plate(
     """
     corners = corners or int(rng.choice([TRIANGLE, RECTANGLE, RECTANGLE, OCTAGON, DISC]))
     radius_m = radius_m or rng.uniform(0.22, 0.5)
-    first = {TRIANGLE: np.pi / 2, RECTANGLE: np.pi / 4, OCTAGON: np.pi / 8, DISC: 0.0}[corners]
-    angles = first + (np.pi if rng.random() < 0.4 else 0.0) + np.arange(corners) * 2 * np.pi / corners
+    shape = plate_outline(corners, np.pi if rng.random() < 0.4 else 0.0)
     wide = high = radius_m
     if corners == RECTANGLE:
         wide, high = radius_m * rng.uniform(0.6, 1.4, 2)
         if rng.random() < 0.4:  # a street's name, an arrow
             high, x_m = high * 0.25, x_m + wide * rng.uniform(-0.7, 0.7)
     wide *= rng.choice([1.0, rng.uniform(0.4, 1.0)])  # turned to another street
-    outline = np.stack([wide * np.cos(angles), high * np.sin(angles), np.zeros(corners)], axis=1)
+    outline = np.column_stack([shape * (wide, high), np.zeros(corners)])
     middle = np.array((x_m, y_m, z_m))
     if back:
         canvas.surface(middle + outline, back)
