@@ -73,3 +73,19 @@ def read_labels(label_folder: Path) -> Read:
         return labelled_images(label_folder)[0].read().objects
 
     return of
+
+
+@pytest.fixture
+def one_thread() -> None:
+    """Threads that wait for each other take seconds for small pictures where the machine is busy."""
+    import torch
+
+    torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session")
+def tiny_scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of four painted scenes of 160×128 px, with ids; not to be written into."""
+    from painted_scenes import write_painted_scenes
+
+    return write_painted_scenes(tmp_path_factory.mktemp("scenes"), (160, 128))

@@ -24,11 +24,7 @@ from scpf.models.polenet_validation import JudgedImage, Judgement, Verdict, is_d
 Prepare = Callable[[polenet.PoleNet], polenet.PoleNet]
 CALIBRATION = ScoreCalibration(1.5, 0.5, 0.25, -1.0)
 
-
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    """Threads that wait for each other take seconds for such small pictures where the machine is busy."""
-    torch.set_num_threads(1)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")

@@ -116,6 +116,18 @@ def test_twice_the_resolution_gives_the_same_poles(segmenter: segmentation.PoleN
         assert large.score == pytest.approx(small.score, abs=0.02)
 
 
+@pytest.mark.parametrize("seed", [900_008, 900_011])
+def test_twice_the_resolution_gives_the_same_boxes(
+    segmenter: segmentation.PoleNetSegmenter, seed: int
+) -> None:
+    image, _ = scene_rgb(seed)
+    twice = segmenter(np.repeat(np.repeat(image, 2, axis=0), 2, axis=1))
+    once = segmenter(image)
+    assert len(twice) == len(once) > 0
+    for large, small in zip(twice, once, strict=True):
+        assert large.box_px == pytest.approx([2 * v for v in small.box_px], abs=6)
+
+
 def test_a_batch_gives_what_each_picture_gives(segmenter: segmentation.PoleNetSegmenter) -> None:
     pictures = [scene_rgb(seed, (1024, 768))[0] for seed in (900_000, 900_009)]
     assert segmenter.batch([]) == []

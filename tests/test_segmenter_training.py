@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from painted_scenes import write_painted_scenes
 
 from scpf.models import polenet, polenet_training
 from scpf.models.errors import DamagedError, InputError, MissingError
@@ -25,21 +24,12 @@ from scpf.replay.training_run import TrainingRun
 ABOUT = polenet.WeightsInfo("four scenes")
 TINY = TrainingSettings(steps=4, batch=2, sizes_px=((96, 64),), validate_every=2, report_every=1)
 
-
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    """Threads that wait for each other take seconds for such small pictures where the machine is busy."""
-    torch.set_num_threads(1)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_painted_scenes(tmp_path_factory.mktemp("scenes"), (160, 128))
-
-
-@pytest.fixture(scope="module")
-def images(scenes: Path) -> list[LabelledImage]:
-    return [*ids_images(scenes)]
+def images(tiny_scenes: Path) -> list[LabelledImage]:
+    return [*ids_images(tiny_scenes)]
 
 
 def weights(folder: Path) -> dict[str, torch.Tensor]:

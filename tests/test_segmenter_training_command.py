@@ -9,8 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import torch
-from painted_scenes import write_painted_scenes
 
 from scpf.ingest.labelme_out import Labelled, labelme_json
 from scpf.models import polenet
@@ -20,20 +18,11 @@ from scpf.replay.segmenter_data import PaintedScenes, gather
 from scpf.sample_logs.scene_files import write_scenes
 from scpf.sample_logs.street_scenes import scene
 
-
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    """Threads that wait for each other take seconds for such small pictures where the machine is busy."""
-    torch.set_num_threads(1)
-
-
-@pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_painted_scenes(tmp_path_factory.mktemp("scenes"), (160, 128))
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def test_the_command_trains_on_all_formats_mixed(
-    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tiny_scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     labelled = tmp_path / "lamps"
     labelled.mkdir()
@@ -47,7 +36,7 @@ def test_the_command_trains_on_all_formats_mixed(
         "train",
         "segmenter",
         str(labelled),
-        str(scenes),
+        str(tiny_scenes),
         "--steps",
         "1",
         "--learning-rate",
@@ -78,39 +67,39 @@ def test_the_command_trains_on_all_formats_mixed(
 
 
 def test_what_cannot_be_trained_on_is_said(
-    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tiny_scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = ["-o", str(tmp_path / "w.safetensors")]
     assert run(["train", "segmenter", *output]) == 2
-    assert run(["train", "segmenter", str(scenes)]) == 2
-    assert run(["train", "segmenter", str(scenes), *output, "--learning-rate", "0"]) == 2
-    assert run(["train", "segmenter", str(scenes), *output, "--held-out", "1.5"]) == 2
-    assert run(["train", "segmenter", str(scenes), *output, "--pasted", "1.5"]) == 2
-    assert run(["train", "segmenter", str(scenes), *output, "--keep-start", "0.5"]) == 2
+    assert run(["train", "segmenter", str(tiny_scenes)]) == 2
+    assert run(["train", "segmenter", str(tiny_scenes), *output, "--learning-rate", "0"]) == 2
+    assert run(["train", "segmenter", str(tiny_scenes), *output, "--held-out", "1.5"]) == 2
+    assert run(["train", "segmenter", str(tiny_scenes), *output, "--pasted", "1.5"]) == 2
+    assert run(["train", "segmenter", str(tiny_scenes), *output, "--keep-start", "0.5"]) == 2
     assert "without --start" in capsys.readouterr().err
-    assert run(["train", "segmenter", str(scenes), *output, "--validate", str(scenes)]) == 2
+    assert run(["train", "segmenter", str(tiny_scenes), *output, "--validate", str(tiny_scenes)]) == 2
     assert "to judge by" in capsys.readouterr().err
     assert run(["train", "segmenter", str(tmp_path / "none"), *output]) == 1
     assert "no such folder" in capsys.readouterr().err
 
 
-def test_pictures_to_judge_by_take_the_place_of_held_out_scenes(scenes: Path, tmp_path: Path) -> None:
+def test_pictures_to_judge_by_take_the_place_of_held_out_scenes(tiny_scenes: Path, tmp_path: Path) -> None:
     painted = PaintedScenes(1, 0, tmp_path / "painted")
     alone = gather([], [], ["light_pole"], 0.2, 0, painted, lambda line: None)
     assert [len(images) for images in alone.training] == [1] and len(alone.held_out) == 8
     more = PaintedScenes(1, 0, tmp_path / "more")
-    judged = gather([], [scenes], ["light_pole"], 0.2, 0, more, lambda line: None)
+    judged = gather([], [tiny_scenes], ["light_pole"], 0.2, 0, more, lambda line: None)
     assert [len(images) for images in judged.training] == [1]
-    assert {image.path.parent for image in judged.held_out} == {scenes}
+    assert {image.path.parent for image in judged.held_out} == {tiny_scenes}
     assert not (tmp_path / "more" / "held_out").exists()
 
 
-def test_half_of_what_is_trained_on_are_painted_scenes(scenes: Path, tmp_path: Path) -> None:
+def test_half_of_what_is_trained_on_are_painted_scenes(tiny_scenes: Path, tmp_path: Path) -> None:
     painted = PaintedScenes(2, 1, tmp_path)
     sets = [tmp_path / "a", tmp_path / "b"]
     for each in sets:
-        shutil.copytree(scenes, each)
-    gathered = gather(sets, [scenes], ["light_pole"], 0.2, 0, painted, lambda line: None)
+        shutil.copytree(tiny_scenes, each)
+    gathered = gather(sets, [tiny_scenes], ["light_pole"], 0.2, 0, painted, lambda line: None)
     assert [len(images) for images in gathered.training] == [4, 4, 2, 2]
     assert gathered.training[2] is gathered.training[3]
     assert len(gathered.names["trained"]) == 10
@@ -119,12 +108,12 @@ def test_half_of_what_is_trained_on_are_painted_scenes(scenes: Path, tmp_path: P
 
 
 def test_validate_takes_several_folders(
-    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tiny_scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The second was once taken for one more to train on, and the score calibrated on what the network had learnt."""
     judges = [tmp_path / "one", tmp_path / "another"]
     for k, folder in enumerate(judges):
         write_scenes(folder, range(20 + 3 * k, 23 + 3 * k))
-    command = ["train", "segmenter", str(scenes), "--validate", *map(str, judges), "--steps", "1"]
+    command = ["train", "segmenter", str(tiny_scenes), "--validate", *map(str, judges), "--steps", "1"]
     assert run([*command, "--device", "cpu", "-o", str(tmp_path / "w.safetensors")]) == 0
     assert "; 6 held out" in capsys.readouterr().err
