@@ -16,7 +16,7 @@ from scpf.models.instances import Image
 def degrade(image: Image, rng: np.random.Generator) -> Image:
     """An image (H, W, 3) uint8 as another camera in another light would have taken it; the outlines stay.
 
-    Grey, swapped or tinted channels, exposure, haze, blur of lens and motion, noise, JPEG.
+    Grey, swapped or tinted channels, shade on one side, exposure, haze, blur of lens and motion, noise, JPEG.
     """
     if rng.random() < 0.4:
         weights = rng.dirichlet((2.0, 4.0, 2.0)).astype(
@@ -25,6 +25,8 @@ def degrade(image: Image, rng: np.random.Generator) -> Image:
         image = np.repeat(cv2.transform(image, weights[None])[..., None], 3, axis=2)
     elif rng.random() < 0.4:
         image = image[:, :, rng.permutation(3)]
+    if rng.random() < 0.25:
+        image = shaded(image, rng)
     levels = np.arange(256, dtype=np.float32) / 255
     contrast = rng.uniform(0.25, 0.6) if rng.random() < 0.2 else rng.uniform(0.7, 1.4)
     tone = (levels ** rng.uniform(0.6, 1.7) - 0.5) * contrast + 0.5 + rng.uniform(-0.18, 0.18)
@@ -43,6 +45,17 @@ def degrade(image: Image, rng: np.random.Generator) -> Image:
         written = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(35, 95))])[1]
         image = np.asarray(cv2.imdecode(written, cv2.IMREAD_COLOR), np.uint8)
     return image
+
+
+def shaded(image: Image, rng: np.random.Generator) -> Image:
+    """Darker towards one side of an image (H, W, 3) uint8, as where houses shade it; no pixel below a fifth."""
+    height, width = image.shape[:2]
+    angle = rng.uniform(0, 2 * np.pi)
+    along = np.cos(angle) * np.linspace(-1, 1, width) + np.sin(angle) * np.linspace(-1, 1, height)[:, None]
+    begins, darkest = rng.uniform(-1.0, 0.6), rng.uniform(0.2, 0.8)
+    share = np.clip((along - begins) / rng.uniform(0.3, 1.2), 0, 1)
+    gain = (1 - (1 - darkest) * share**2 * (3 - 2 * share)).astype(np.float32)
+    return np.asarray(image * gain[..., None], np.uint8)
 
 
 def _smear(image: Image, rng: np.random.Generator) -> Image:

@@ -7,7 +7,8 @@ plentiful, because a network trained without it takes it for one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import cv2
@@ -29,8 +30,19 @@ from scpf.sample_logs.street_signs import sign_post
 SIZES_PX = ((1024, 768), (1248, 384), (1152, 640))
 SIZE_SHARES = (0.5, 0.36, 0.14)
 MOST_LAMPS = 200  # ids above are for the ignored ones
+BEFORE_A_SCAFFOLD = 0.6  # share of the scaffolds with a lamp post before them, whatever else stands there
 
 Thing = tuple[float, Callable[[], None]]  # distance (m) and how to draw it
+
+
+@dataclass(frozen=True)
+class ScaffoldPlace:
+    """Where a scaffold stands: side of the street (`LEFT` or `RIGHT`), x of its front, and from which z how far."""
+
+    side: int
+    front_m: float
+    z_m: float
+    length_m: float
 
 
 def scene(seed: int, size_px: tuple[int, int] | None = None) -> tuple[Image, NDArray[np.uint8]]:
@@ -44,16 +56,18 @@ def scene(seed: int, size_px: tuple[int, int] | None = None) -> tuple[Image, NDA
     street = Street.random(rng, width, height)
     paint_ground(street, rng)
     paint_shadows(street, rng)
-    things = _houses(street, rng) + _clutter(street, rng) + _lamps(street, rng)
+    houses, scaffolds = _houses(street, rng)
+    things = houses + _clutter(street, rng) + _lamps(street, rng, scaffolds)
     for _, draw in sorted(things, key=lambda thing: -thing[0]):
         draw()
     paint_cables(street, rng)
     return _photograph(rng, street.canvas.image), street.canvas.ids
 
 
-def _houses(street: Street, rng: np.random.Generator) -> list[Thing]:
+def _houses(street: Street, rng: np.random.Generator) -> tuple[list[Thing], list[ScaffoldPlace]]:
     """Rows of houses on most sides, some behind scaffolds."""
     found: list[Thing] = []
+    scaffolds: list[ScaffoldPlace] = []
     for side in (LEFT, RIGHT):
         z = rng.uniform(2.5, 30) if rng.random() < 0.8 else np.inf
         set_back = street.verge_m + rng.uniform(0, 6)
@@ -63,15 +77,15 @@ def _houses(street: Street, rng: np.random.Generator) -> list[Thing]:
             light = 1.0
             if rng.random() < 0.4:
                 light = rng.choice([1.0, rng.uniform(0.2, 0.7)])  # a shell without windows is dark
-                front = x - side * rng.uniform(0.8, 1.5)
-                found.append(
-                    (z + length * 0.3, partial(scaffold, street.canvas, rng, front, z, length, tall))
-                )
-                found += _before_a_scaffold(street, rng, side, front, z, length)
+                place = ScaffoldPlace(side, x - side * rng.uniform(0.8, 1.5), z, length)
+                draw = partial(scaffold, street.canvas, rng, place.front_m, z, length, tall)
+                found.append((z + length * 0.3, draw))
+                found += _before_a_scaffold(street, rng, place)
+                scaffolds.append(place)
             house = partial(_house, street.canvas, rng, side, x, z, length, tall, light)
             found.append((z + length * 0.6, house))
             z += length + (rng.uniform(1, 14) if rng.random() < 0.5 else 0.0)
-    return found
+    return found, scaffolds
 
 
 def _house(
@@ -98,13 +112,12 @@ def _house(
     )
 
 
-def _before_a_scaffold(
-    street: Street, rng: np.random.Generator, side: int, front_m: float, z_m: float, length_m: float
-) -> list[Thing]:
+def _before_a_scaffold(street: Street, rng: np.random.Generator, place: ScaffoldPlace) -> list[Thing]:
     """What is taken for a lamp post the more easily the more of its like stand behind it."""
     found: list[Thing] = []
     for _ in range(rng.integers(0, 4)):
-        z, x = max(z_m, 4.0) + rng.uniform(0, 0.3) * length_m, front_m - side * rng.uniform(0.3, 3.0)
+        z = max(place.z_m, 4.0) + rng.uniform(0, 0.3) * place.length_m
+        x = place.front_m - place.side * rng.uniform(0.3, 3.0)
         draw = (sign_post, sign_post, site_fence, lumber, billboard)[rng.integers(5)]
         found.append((z, partial(draw, street.canvas, rng, x, z)))
     return found
@@ -145,8 +158,11 @@ def _distance_m(rng: np.random.Generator, nearest_m: float) -> float:
     return float(np.exp(rng.uniform(np.log(nearest_m), np.log(80))))
 
 
-def _lamps(street: Street, rng: np.random.Generator) -> list[Thing]:
-    """Rows of one make on either side, and single lamp posts of other streets further off."""
+def _lamps(street: Street, rng: np.random.Generator, scaffolds: Sequence[ScaffoldPlace]) -> list[Thing]:
+    """Rows of one make on either side, single ones of other streets further off, and some before scaffolds.
+
+    Those stand before the scaffold's nearer half, so that the camera sees its tubes beside and behind them.
+    """
     spots: list[tuple[float, float, int, LampDesign]] = []
     for side in (LEFT, RIGHT):
         make = LampDesign.random(rng)
@@ -159,6 +175,10 @@ def _lamps(street: Street, rng: np.random.Generator) -> list[Thing]:
         for _ in range(rng.integers(0, 3)):
             z = rng.uniform(10, 60)
             spots.append((street.x_m(side, rng.uniform(4, 25), z), z, int(rng.choice([LEFT, RIGHT])), make))
+        for place in scaffolds:
+            if place.side == side and rng.random() < BEFORE_A_SCAFFOLD:
+                z = max(place.z_m, 5.0) + rng.uniform(0, 0.5) * place.length_m
+                spots.append((place.front_m - side * rng.uniform(0.5, 3.5), z, -side, make))
     return [
         (z, partial(lamp_post, street.canvas, rng, x, z, towards, make, i))
         for i, (x, z, towards, make) in enumerate(spots[:MOST_LAMPS], start=1)

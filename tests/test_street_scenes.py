@@ -11,7 +11,7 @@ import pytest
 
 from scpf.models.errors import InputError
 from scpf.models.labelled_images import IGNORED_ID
-from scpf.sample_logs import street_signs
+from scpf.sample_logs import street_scenes, street_signs
 from scpf.sample_logs.scene_files import write_scenes
 from scpf.sample_logs.street_billboards import billboard, poster
 from scpf.sample_logs.street_canvas import Canvas, StreetCamera, Tube
@@ -159,6 +159,21 @@ def test_the_post_of_a_sign_seen_from_behind_stands_before_its_plates(
             broken[share] += int(np.ptp(post, axis=0).max() > 20)
     assert broken[0.0] >= 5
     assert broken[1.0] == 0
+
+
+def test_lamp_posts_stand_before_scaffolds(monkeypatch: pytest.MonkeyPatch) -> None:
+    scaffolds, lamps = [], []
+    monkeypatch.setattr(street_scenes, "scaffold", lambda *given: scaffolds.append(given[2:5]))
+    monkeypatch.setattr(street_scenes, "lamp_post", lambda *given: lamps.append(given[2:4]))
+    monkeypatch.setattr(street_scenes, "BEFORE_A_SCAFFOLD", 1.0)
+    for seed in range(3):
+        scaffolds.clear()
+        lamps.clear()
+        scene(seed, (320, 240))
+        assert scaffolds
+        for front_m, z_m, length_m in scaffolds:
+            near = [x for x, z in lamps if z_m <= z <= max(z_m, 5.0) + length_m / 2]
+            assert any(0.5 <= abs(x - front_m) <= 3.5 for x in near)
 
 
 def test_a_poster_is_printed_all_over_and_another_for_another_seed() -> None:
