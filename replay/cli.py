@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from cyclopts import App, CycloptsError, Group
+from cyclopts import App, CycloptsError, Group, Parameter
 
 from scpf.models.errors import ScpfError
 
@@ -94,6 +94,7 @@ def build_app(tokens: Sequence[str] = ()) -> App:
         help="Replay drive logs through a soft-constrained particle filter; review every frame in Rerun.",
         result_action="return_value",
         suppress_keyboard_interrupt=False,
+        default_parameter=Parameter(negative=()),  # no --no-overwrite, no --empty-logs
     )
     groups = {title: Group.create_ordered(title) for title in ("Replay", "Drive logs", "Models and maps")}
     for group, name, path, text in COMMANDS:

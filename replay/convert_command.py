@@ -13,6 +13,7 @@ from scpf.replay.ingest_reports import Counter
 
 def convert(
     inputs: list[Path],
+    /,
     *,
     output: Annotated[Path, Parameter(alias="-o")],
     encoding: Literal["ros2", "ros1"] = "ros2",

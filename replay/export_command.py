@@ -14,9 +14,9 @@ def export(
     trajectory: Path | None = None,
     onnx: Path | None = None,
     precision: Literal["int8", "float32"] = "int8",
-    pictures: Annotated[list[Path] | None, Parameter(consume_multiple=False, negative="")] = None,
+    pictures: Annotated[list[Path] | None, Parameter(consume_multiple=False)] = None,
     format: Literal["tum", "euroc", "kitti"] | None = None,
-    at_images: bool | None = None,
+    at_images: bool = False,
     overwrite: bool = False,
 ) -> int:
     """Write the reference trajectory of a drive log as TUM, EuRoC CSV or KITTI poses; or PoleNet as ONNX.

@@ -27,7 +27,7 @@ def label(
     log: Path,
     *,
     output: Annotated[Path, Parameter(alias="-o")],
-    frame: Annotated[tuple[int, ...], Parameter(alias="-f", negative="")] = (),
+    frame: Annotated[tuple[int, ...], Parameter(alias="-f")] = (),
     count: int = 50,
     doubtful: bool = False,
     segmenter: str = "polenet",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from scpf.models.geodesy import Origin
     from scpf.models.trajectory import Trajectory
 
-Several = Parameter(consume_multiple=False, negative="")
+Several = Parameter(consume_multiple=False)
 
 
 def map_from(
@@ -23,17 +23,15 @@ def map_from(
     output: Annotated[Path, Parameter(alias="-o")],
     road: str | None = None,
     within_m: Annotated[float | None, Parameter(alias="--near-m")] = None,
-    classes: Annotated[
-        list[str] | None, Parameter(name="--class", consume_multiple=False, negative="")
-    ] = None,
-    origin: Annotated[tuple[float, float, float] | None, Parameter(negative="")] = None,
+    classes: Annotated[list[str] | None, Parameter(name="--class", consume_multiple=False)] = None,
+    origin: tuple[float, float, float] | None = None,
     max_gap_m: float = 30.0,
     half_width_m: float | None = None,
     landmark_sigma_m: float = 0.0,
     log: Path | None = None,
     road_offset_m: float = 0.0,
     rotate_deg: float = 0.0,
-    offset_m: Annotated[tuple[float, float], Parameter(negative="")] = (0.0, 0.0),
+    offset_m: tuple[float, float] = (0.0, 0.0),
     select: Annotated[list[str] | None, Several] = None,
     exclude: Annotated[list[str] | None, Several] = None,
     key: str | None = None,

@@ -13,15 +13,14 @@ from scpf.models.whole_files import whole
 
 def train_segmenter(
     data: list[Path] | None = None,
+    /,
     *,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     evaluate: str | None = None,
     calibrate: Path | None = None,
-    validate: Annotated[list[Path] | None, Parameter(consume_multiple=True, negative="")] = None,
+    validate: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
     held_out: float = 0.2,
-    classes: Annotated[
-        list[str] | None, Parameter(name="--class", consume_multiple=False, negative="")
-    ] = None,
+    classes: Annotated[list[str] | None, Parameter(name="--class", consume_multiple=False)] = None,
     scenes: int = 0,
     weigh_scenes: int = 0,
     scenes_folder: Path = Path("street_scenes"),

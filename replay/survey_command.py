@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def map_survey(
-    logs: Annotated[tuple[Path, ...], Parameter(negative="")],
+    logs: tuple[Path, ...],
     /,
     *,
     output: Annotated[Path, Parameter(alias="-o")],

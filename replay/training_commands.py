@@ -14,6 +14,7 @@ from scpf.replay.status_line import StatusLine
 
 def train_distance(
     logs: list[Path],
+    /,
     *,
     output: Annotated[Path, Parameter(alias="-o")],
     cross_fitted: Path | None = None,

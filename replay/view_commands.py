@@ -45,9 +45,9 @@ def view(rrd: Path, *, web: bool = False, port: int = 9876) -> int:
 def screenshot(
     rrd: Path,
     *,
-    frame: Annotated[tuple[int, ...], Parameter(alias="-f", negative="")] = (0,),
+    frame: Annotated[tuple[int, ...], Parameter(alias="-f")] = (0,),
     output: Annotated[Path, Parameter(alias="-o")] = Path(),
-    size: Annotated[tuple[int, int], Parameter(negative="")] = (1600, 1000),
+    size: tuple[int, int] = (1600, 1000),
 ) -> int:
     """Render frames of a recording to PNG, without a screen. Needs a Vulkan driver; a software one will do.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -23,6 +24,7 @@ def test_every_command_has_help_with_examples(command: list[str], capsys: pytest
     assert run([*command, "--help"]) == 0
     text = capsys.readouterr().out
     assert text.count(f"scpf {' '.join(command)} ") >= 2, "a usage line and at least one example"
+    assert set(re.findall(r"--(?:no|empty)-\w+", text)) <= {"--no-gps", "--no-bfloat16", "--no-surface"}
 
 
 @pytest.mark.parametrize(
