@@ -22,50 +22,14 @@ from scpf.models.labelled_images import LabelledImage
 from scpf.models.polenet_losses import loss
 from scpf.models.polenet_samples import Sample, make_sample
 from scpf.models.polenet_validation import REST, judged_weights
+from scpf.models.training_settings import BEST, FINAL, LAST, STATE, TrainingSettings
 from scpf.models.training_state import TrainingState
 
 Losses = dict[str, float]
 Report = Callable[[str], None]
 Curves = Callable[[str, int, Mapping[str, float]], None]  # "loss" or "validation", step, values by name
 
-BEST = "best.safetensors"
-LAST = "last.safetensors"
-FINAL = "final.safetensors"
-STATE = "last.pt"
 JUDGED_BY = "mask_ap50"
-
-
-@dataclass(frozen=True)
-class TrainingSettings:
-    """``sizes_px``: (width, height) of the crops, one of them for each batch. ``limit_s``: the schedule is squeezed
-    into this many seconds where ``steps`` would take longer (the result then depends on the machine's speed).
-    ``patience``: stop after so many validations without a better AP, 0 never; with 0 the last weights are kept, not
-    those that few pictures found best. ``device``: cpu, cuda or mps.
-    ``pasted``: the share of the crops into which poles of other pictures are pasted. ``workers``: threads that make
-    crops. ``validation_images``: the most that a validation on the way looks at."""
-
-    steps: int = 1500
-    batch: int = 8
-    sizes_px: tuple[tuple[int, int], ...] = ((640, 480), (768, 384), (480, 768))
-    learning_rate: float = 3e-3
-    warm_up_steps: int = 60
-    weight_decay: float = 1e-2
-    gradient_norm: float = 5.0
-    validate_every: int = 300
-    validation_images: int = 40
-    patience: int = 0
-    report_every: int = 25
-    limit_s: float = float("inf")
-    start: Path | None = None  # weights to go on from,
-    keep_start: float = 0.0  # and their share in those that the training ends with
-    pasted: float = 0.0
-    device: str = "cpu"
-    workers: int = 1
-
-    @property
-    def kept(self) -> str:
-        """The file in the run folder that becomes `FINAL`."""
-        return BEST if self.patience else LAST
 
 
 def train(
@@ -225,7 +189,8 @@ def _batches(
 
     def make(step: int) -> list[Sample]:
         rng = np.random.default_rng([seed, step])
-        size = settings.sizes_px[int(rng.integers(len(settings.sizes_px)))]
+        sizes = settings.crop_sizes_px(step)
+        size = sizes[int(rng.integers(len(sizes)))]
         pasted = rng.random(settings.batch) < settings.pasted
         return [make_sample(draw(rng), size, rng, draw(rng) if paste else None) for paste in pasted]
 

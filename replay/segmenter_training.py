@@ -10,7 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from scpf.models import polenet
-from scpf.models.polenet_training import BEST, FINAL, LAST, STATE, TrainingSettings, train
+from scpf.models.polenet_training import train
+from scpf.models.training_settings import BEST, FINAL, LAST, STATE, TrainingSettings
 from scpf.models.whole_files import whole
 from scpf.replay.segmenter_data import TrainingPictures
 from scpf.replay.training_run import TrainingRun

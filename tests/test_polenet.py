@@ -18,8 +18,9 @@ from scpf.models.errors import InputError, MissingError
 from scpf.models.grouping import OFFSET_CELL_PX, OFFSET_SCALE_PX, Candidate, ScoreCalibration, logit
 from scpf.models.labelled_images import ids_images
 from scpf.models.polenet_samples import Sample, make_sample, targets
-from scpf.models.polenet_training import TrainingSettings, begin, training_step
+from scpf.models.polenet_training import begin, training_step
 from scpf.models.polenet_validation import JudgedImage, Judgement, Verdict, is_detection, judge, match
+from scpf.models.training_settings import TrainingSettings
 
 Prepare = Callable[[polenet.PoleNet], polenet.PoleNet]
 CALIBRATION = ScoreCalibration(1.5, 0.5, 0.25, -1.0)

@@ -16,8 +16,10 @@ from scpf.models import polenet, polenet_training
 from scpf.models.errors import DamagedError, InputError, MissingError
 from scpf.models.labelled_images import LabelledImage, ids_images
 from scpf.models.polenet_inference import for_inference
-from scpf.models.polenet_training import BEST, FINAL, LAST, STATE, TrainingSettings, train
+from scpf.models.polenet_samples import Sample, make_sample
+from scpf.models.polenet_training import train
 from scpf.models.polenet_validation import average_precision, judge
+from scpf.models.training_settings import BEST, FINAL, LAST, STATE, TrainingSettings
 from scpf.models.training_state import TrainingState
 from scpf.replay.training_run import TrainingRun
 
@@ -50,6 +52,26 @@ def test_training_leaves_the_best_weights_and_says_what_they_are(
     assert [step for kind, step, _ in told if kind == "loss"] == [1, 2, 3, 4]
     assert all(np.isfinite(value) for _, _, values in told for value in values.values())
     assert "mask_ap50" in lines[-1]
+
+
+def test_the_first_steps_see_small_crops(
+    images: list[LabelledImage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[int, int]] = []
+
+    def noted(source: LabelledImage, size_px: tuple[int, int], *given: Any) -> Sample:
+        seen.append(size_px)
+        return make_sample(source, size_px, *given)
+
+    monkeypatch.setattr(polenet_training, "make_sample", noted)
+    settings = replace(TINY, batch=1, sizes_px=((160, 96),), small_crops=0.5)
+    train([images], images, tmp_path, settings, 0, ABOUT)
+    assert seen[:4] == [(96, 64), (96, 64), (160, 96), (160, 96)]
+    assert set(TrainingSettings(steps=10, small_crops=0.3).crop_sizes_px(2)) == {
+        (384, 288),
+        (448, 224),
+        (288, 448),
+    }
 
 
 def test_without_early_stopping_the_last_weights_are_kept(tmp_path: Path) -> None:
