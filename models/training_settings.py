@@ -11,7 +11,7 @@ BEST = "best.safetensors"
 LAST = "last.safetensors"
 FINAL = "final.safetensors"
 STATE = "last.pt"
-SMALL = 0.6  # a step of such crops takes little more than a third of the time
+SMALL = 0.6  # a step of such crops takes half the time: they must be made, too
 
 
 @dataclass(frozen=True)

@@ -103,8 +103,8 @@ def train_segmenter(
         The share of the crops into which poles cut out of other pictures are pasted, some before drawn scaffolds: the
         network then finds poles in streets unlike those that it learnt. 0.3 is a good deal.
     small_crops
-        The share of the steps, the first ones, that see crops of a third of the size: two to three in the time of one.
-        For weights that begin at random: 0.5.
+        The share of the steps, the first ones, that see crops of a third of the size: two in the time of one. For
+        weights that begin at random.
     minutes
         Squeeze the schedule into this time where the steps would take longer.
     patience
