@@ -104,7 +104,7 @@ def train_segmenter(
         network then finds poles in streets unlike those that it learnt. 0.3 is a good deal.
     small_crops
         The share of the steps, the first ones, that see crops of a third of the size: two in the time of one. For
-        weights that begin at random.
+        weights that begin at random: 0.5.
     minutes
         Squeeze the schedule into this time where the steps would take longer.
     patience
