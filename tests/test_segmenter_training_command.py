@@ -75,6 +75,7 @@ def test_what_cannot_be_trained_on_is_said(
     assert run(["train", "segmenter", str(tiny_scenes), *output, "--learning-rate", "0"]) == 2
     assert run(["train", "segmenter", str(tiny_scenes), *output, "--held-out", "1.5"]) == 2
     assert run(["train", "segmenter", str(tiny_scenes), *output, "--pasted", "1.5"]) == 2
+    assert run(["train", "segmenter", str(tiny_scenes), *output, "--small-crops", "1"]) == 2
     assert run(["train", "segmenter", str(tiny_scenes), *output, "--keep-start", "0.5"]) == 2
     assert "without --start" in capsys.readouterr().err
     assert run(["train", "segmenter", str(tiny_scenes), *output, "--validate", str(tiny_scenes)]) == 2
