@@ -17,7 +17,7 @@ import os, time
 from scpf.models.worker_processes import worker_pool
 
 if __name__ == "__main__":
-    pool = worker_pool(2, print, ("begun",))
+    pool = worker_pool(2, abs, (0,))
     pids = {future.result() for future in [pool.submit(os.getpid) for _ in range(20)]}
     print(*pids, flush=True)
     time.sleep(60)
@@ -39,7 +39,7 @@ def test_workers_end_with_a_killed_program(how: signal.Signals, tmp_path: Path) 
     program.write_text(PROGRAM)
     with subprocess.Popen([sys.executable, program], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        pids = next(line for line in process.stdout if not line.startswith("begun")).split()
+        pids = process.stdout.readline().split()
         assert pids and all(running(pid) for pid in pids)
         process.send_signal(how)
         process.wait()
