@@ -25,6 +25,7 @@ OFFSET_SCALE_PX = (32.0, 64.0)  # x, y: unit of the offsets
 CENTRE_DEVIATION_PX = (8.0, 32.0)  # x, y: a pixel may miss its centre by so much and belong to it
 MOST_DEVIATIONS = 4.0
 PEAK_CELLS = (7, 3)  # rows, columns: of several peaks so close only the highest stays
+MASK_THRESHOLD = 0.5  # pixels of a lower probability are no pole's
 LEAST_CENTRE = 0.1  # a peak below is no candidate
 LEAST_PIXELS = 12
 MOST_CANDIDATES = 64
@@ -113,7 +114,9 @@ class ScoreCalibration:
         return float(1 / (1 + np.exp(-(candidate.evidence @ self.weights))))
 
 
-def group(mask: Floats, centre: Floats, offsets: Floats, mask_threshold: float = 0.5) -> list[Candidate]:
+def group(
+    mask: Floats, centre: Floats, offsets: Floats, mask_threshold: float = MASK_THRESHOLD
+) -> list[Candidate]:
     """Candidates of probabilities ``mask`` (H, W), ``centre`` (H/8, W/8) and ``offsets`` (2, H/4, W/4).
 
     Pixels above ``mask_threshold`` point at a centre by their offset and go to the nearest peak.

@@ -102,6 +102,11 @@ class PoleNet(nn.Module):
 
     def heads(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """As the call, but the mask still as (B, 4, H/2, W/2): the four pixels of each cell, row by row."""
+        fine, centre, pyramid = self.before_offsets(x)
+        return fine, centre, self.offsets(pyramid)
+
+    def before_offsets(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """As `heads`, but in the offsets' place what they are made from, (B, `PYRAMID_CHANNELS`, H/4, W/4)."""
         levels = []
         for stage in self.stages:
             x = stage(x)
@@ -115,7 +120,7 @@ class PoleNet(nn.Module):
                 eighth = pyramid
         up = F.interpolate(self.fine_up(pyramid), scale_factor=2.0, mode="bilinear", align_corners=False)
         fine = self.fine(F.relu(up.add_(self.fine_low(levels[0])), inplace=True))
-        return self.mask(fine), self.centre(eighth), self.offsets(pyramid)
+        return self.mask(fine), self.centre(eighth), pyramid
 
 
 NOT_CALIBRATED = ScoreCalibration(1.0, 0.0, 0.0, 0.0)  # the score is the centre's peak

@@ -175,13 +175,14 @@ def test_calibration_recovers_the_share_of_candidates_that_are_right() -> None:
 def test_what_lies_in_the_padding_is_nothing(net: polenet.PoleNet, tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.jpg"), np.full((100, 128, 3), 90, np.uint8))  # doubled, and 24 rows added
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((100, 128), np.uint8))
-    fine, centre, offsets = net.heads(torch.zeros(1, 3, 224, 256))
+    fine, centre, pyramid = net.before_offsets(torch.zeros(1, 3, 224, 256))
     fine[:, :, :] = -9.0
     fine[:, :, 101:112, 20:24] = 9.0
     centre[:] = -9.0
     centre[0, 0, 26, 5] = 9.0
-    offsets[:] = 0.0
-    net.heads = lambda x: (fine, centre, offsets)  # type: ignore[method-assign]
+    torch.nn.init.zeros_(net.offsets.weight)
+    torch.nn.init.zeros_(net.offsets.bias)  # type: ignore[arg-type]
+    net.before_offsets = lambda x: (fine, centre, pyramid)  # type: ignore[method-assign]
     (judged,) = judge(net, ids_images(tmp_path)).images
     assert judged.verdicts == []
 
