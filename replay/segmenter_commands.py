@@ -122,7 +122,7 @@ def train_segmenter(
     run
         The run folder (default: the output's name with _run).
     resume
-        Go on with the training in the run folder, with the same options.
+        Go on with the training in the run folder, with the same options; scenes that are painted stay.
     licence
         The licence of the weights, to be written into them.
     threshold
@@ -196,7 +196,7 @@ def train_segmenter(
         )
     if keep_start and start is None:
         raise UsageError("--keep-start without --start", "name the weights to go on from")
-    painted = PaintedScenes(scenes, weigh_scenes, scenes_folder)
+    painted = PaintedScenes(scenes, weigh_scenes, scenes_folder, keep=resume)
     if calibrate is not None:
         if scenes:
             raise UsageError(

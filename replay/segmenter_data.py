@@ -10,7 +10,7 @@ from scpf.ingest.labelled_folders import labelled_images
 from scpf.models.errors import UsageError
 from scpf.models.labelled_images import IdsImage, LabelledImage, ids_images, split
 from scpf.models.worker_processes import usable_cores
-from scpf.sample_logs.scene_files import write_scenes
+from scpf.sample_logs.scene_files import scene_name, write_scenes
 
 FIRST_SEED_TO_WEIGH = 2 * 10**6
 """Of the scenes that the evidence is weighed on: no training and no validation paints them."""
@@ -20,11 +20,15 @@ TOLD_EVERY = 100
 
 
 class PaintedScenes(NamedTuple):
-    """How many to train on, how many to weigh the score's evidence on, and the folder where they are kept."""
+    """How many to train on, how many to weigh the score's evidence on, and the folder where they are kept.
+
+    ``keep``: those that lie there are not painted anew.
+    """
 
     trained: int
     weighed: int
     folder: Path
+    keep: bool = False
 
 
 class TrainingPictures(NamedTuple):
@@ -70,9 +74,9 @@ def gather(
         judged += kept
         counted.append(f"{len(rest)} pictures of {path.name}")
     if scenes:
-        training += [[*paint(painted.folder / "train", range(scenes), report)]] * max(1, len(data))
+        training += [[*painted_images(painted, "train", range(scenes), report)]] * max(1, len(data))
         # Seeds of the held-out scenes lie apart, so that a larger --scenes never trains on them.
-        judged += [] if validate else paint(painted.folder / "held_out", _apart(scenes), report)
+        judged += [] if validate else painted_images(painted, "held_out", _apart(scenes), report)
         counted.append(f"{scenes} painted scenes")
     if len(judged) < 2:
         raise UsageError("fewer than two pictures are held out to judge by", "give --validate, or label more")
@@ -90,11 +94,14 @@ def paint_to_weigh(painted: PaintedScenes, report: Callable[[str], None]) -> lis
     if not painted.weighed:
         return []
     seeds = range(FIRST_SEED_TO_WEIGH, FIRST_SEED_TO_WEIGH + painted.weighed)
-    return [*paint(painted.folder / "weighed", seeds, report)[: painted.weighed]]
+    return [*painted_images(painted, "weighed", seeds, report)]
 
 
-def paint(folder: Path, seeds: range, report: Callable[[str], None]) -> list[IdsImage]:
-    """Paints the street scenes of ``seeds`` into ``folder``; all that lie there then."""
+def painted_images(
+    painted: PaintedScenes, name: str, seeds: range, report: Callable[[str], None]
+) -> list[IdsImage]:
+    """The street scenes of ``seeds``, painted into the folder ``name`` of the scenes' folder."""
+    folder = painted.folder / name
     report(f"painting {len(seeds)} scenes into {folder}")
 
     def told(done: int) -> None:
@@ -102,8 +109,9 @@ def paint(folder: Path, seeds: range, report: Callable[[str], None]) -> list[Ids
             report(f"{done} of {len(seeds)} scenes")
 
     cores = usable_cores() if len(seeds) >= WORTH_PROCESSES else 1
-    write_scenes(folder, seeds, workers=cores, progress=told)
-    return ids_images(folder)
+    write_scenes(folder, seeds, workers=cores, keep=painted.keep, progress=told)
+    wanted = {scene_name(seed) for seed in seeds}  # more may lie there, of an earlier training
+    return [image for image in ids_images(folder) if image.path.stem in wanted]
 
 
 def told(images: Sequence[LabelledImage], report: Callable[[str], None]) -> Iterator[LabelledImage]:

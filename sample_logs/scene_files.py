@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.errors import InputError
+from scpf.models.whole_files import whole
 from scpf.models.worker_processes import worker_pool
 from scpf.sample_logs.street_scenes import scene
 
@@ -18,15 +19,25 @@ JPEG_QUALITY = 92
 TOGETHER = 8  # scenes that a process takes at a time
 
 
+def scene_name(seed: int) -> str:
+    """Of a scene's files, before their suffixes."""
+    return f"toy_{seed:06d}"
+
+
 def write_scenes(
-    folder: Path, seeds: range, *, workers: int = 1, progress: Callable[[int], None] = lambda done: None
+    folder: Path,
+    seeds: range,
+    *,
+    workers: int = 1,
+    keep: bool = False,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> None:
     """Writes ``toy_SEED.jpg`` and ``toy_SEED.png`` (ids) of every seed into ``folder``, the same with any ``workers``.
 
-    Raises InputError where a file cannot be written.
+    ``keep``: leave scenes whose two files are there. Raises InputError where a file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write = partial(_write, folder)
+    write = partial(_write, folder, keep)
     if workers == 1:
         for done, seed in enumerate(seeds, start=1):
             write(seed)
@@ -37,12 +48,20 @@ def write_scenes(
             progress(done)
 
 
-def _write(folder: Path, seed: int) -> None:
+def _write(folder: Path, keep: bool, seed: int) -> None:
+    picture, truth = (folder / f"{scene_name(seed)}{suffix}" for suffix in (".jpg", ".png"))
+    if keep and picture.is_file() and truth.is_file():
+        return
     image, ids = scene(seed)
-    _save(folder / f"toy_{seed:06d}.jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    _save(folder / f"toy_{seed:06d}.png", ids, [])
+    _save(picture, image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    _save(truth, ids, [])
 
 
 def _save(path: Path, picture: NDArray[np.uint8], settings: list[int]) -> None:
-    if not cv2.imwrite(str(path), picture, settings):
-        raise InputError(f"{path} cannot be written", "is there room, and may you write there?")
+    _, encoded = cv2.imencode(path.suffix, picture, settings)
+    try:
+        with whole(path) as partial_path:
+            partial_path.write_bytes(encoded.tobytes())
+    except OSError as error:
+        reason = error.strerror or error
+        raise InputError(f"{path} cannot be written ({reason})", "is there room, may you write?") from error

@@ -108,6 +108,15 @@ def test_half_of_what_is_trained_on_are_painted_scenes(tiny_scenes: Path, tmp_pa
     assert [path.name for path in sorted((tmp_path / "weighed").glob("*.jpg"))] == ["toy_2000000.jpg"]
 
 
+def test_scenes_of_an_earlier_training_are_not_trained_on(tmp_path: Path) -> None:
+    painted = PaintedScenes(1, 1, tmp_path)
+    write_scenes(tmp_path / "train", range(3))
+    write_scenes(tmp_path / "weighed", range(5, 6))
+    gathered = gather([], [], ["light_pole"], 0.2, 0, painted, lambda line: None)
+    assert [image.path.name for image in gathered.training[0]] == ["toy_000000.jpg"]
+    assert [image.path.name for image in gathered.weighing] == ["toy_2000000.jpg"]
+
+
 def test_validate_takes_several_folders(
     tiny_scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
