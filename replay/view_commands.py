@@ -53,9 +53,9 @@ def screenshot(
 
     Examples:
 
-        scpf screenshot out/ring_road.rrd --frame 40 -o frame40.png
+        scpf screenshot out/ring_road.rrd --frame 90 -o frame90.png
 
-        scpf screenshot out/ring_road.rrd --frame 40 --frame 80 -o pictures
+        scpf screenshot out/ring_road.rrd --frame 60 --frame 90 -o pictures
 
     Parameters
     ----------
