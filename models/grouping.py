@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from scpf.models import pole_parts
 from scpf.models.instances import BoolMask
+from scpf.models.segmentation import MASK_THRESHOLD
 
 Floats = NDArray[np.floating[Any]]
 
@@ -25,7 +26,6 @@ OFFSET_SCALE_PX = (32.0, 64.0)  # x, y: unit of the offsets
 CENTRE_DEVIATION_PX = (8.0, 32.0)  # x, y: a pixel may miss its centre by so much and belong to it
 MOST_DEVIATIONS = 4.0
 PEAK_CELLS = (7, 3)  # rows, columns: of several peaks so close only the highest stays
-MASK_THRESHOLD = 0.5  # pixels of a lower probability are no pole's
 LEAST_CENTRE = 0.1  # a peak below is no candidate
 LEAST_PIXELS = 12
 MOST_CANDIDATES = 64
@@ -114,15 +114,13 @@ class ScoreCalibration:
         return float(1 / (1 + np.exp(-(candidate.evidence @ self.weights))))
 
 
-def group(
-    mask: Floats, centre: Floats, offsets: Floats, mask_threshold: float = MASK_THRESHOLD
-) -> list[Candidate]:
+def group(mask: Floats, centre: Floats, offsets: Floats) -> list[Candidate]:
     """Candidates of probabilities ``mask`` (H, W), ``centre`` (H/8, W/8) and ``offsets`` (2, H/4, W/4).
 
-    Pixels above ``mask_threshold`` point at a centre by their offset and go to the nearest peak.
+    Pixels above `MASK_THRESHOLD` point at a centre by their offset and go to the nearest peak.
     """
     peaks = _peaks(centre)
-    on_pole = mask > mask_threshold
+    on_pole = mask > MASK_THRESHOLD
     y, x = np.divmod(np.flatnonzero(on_pole), mask.shape[1])  # ten times as fast as the nonzero of two axes
     if not len(peaks) or not len(y):
         return []

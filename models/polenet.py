@@ -97,16 +97,14 @@ class PoleNet(nn.Module):
         nn.init.constant_(self.centre[-1].bias, -4.0)  # type: ignore[arg-type]
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        fine, centre, offsets = self.heads(x)
-        return F.pixel_shuffle(fine, 2), centre, offsets
-
-    def heads(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """As the call, but the mask still as (B, 4, H/2, W/2): the four pixels of each cell, row by row."""
         fine, centre, pyramid = self.before_offsets(x)
-        return fine, centre, self.offsets(pyramid)
+        return F.pixel_shuffle(fine, 2), centre, self.offsets(pyramid)
 
     def before_offsets(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """As `heads`, but in the offsets' place what they are made from, (B, `PYRAMID_CHANNELS`, H/4, W/4)."""
+        """As the call, but the mask before its pixel shuffle and, third, what the offsets are convolved from.
+
+        They are (B, 4, H/2, W/2), the four pixels of each cell row by row, and (B, `PYRAMID_CHANNELS`, H/4, W/4).
+        """
         levels = []
         for stage in self.stages:
             x = stage(x)

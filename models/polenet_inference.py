@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from scpf.models.grouping import MASK_THRESHOLD
 from scpf.models.instances import Image
 from scpf.models.polenet import PIXEL_DEVIATION, PIXEL_MEAN, PoleNet
+from scpf.models.segmentation import MASK_THRESHOLD
 
 _LEVELS = (np.arange(256, dtype=np.float32) - np.float32(255 * PIXEL_MEAN)) / np.float32(
     255 * PIXEL_DEVIATION

@@ -26,7 +26,7 @@ LONGEST_SIDE_PX = 4096  # a log may claim a picture one pixel high, which paddin
 KEPT = (0.9, 1.1)  # no resampling for less
 STRIDE_PX = 32  # the sides of the network's input are multiples of it
 PADDING_GREY = 115  # the mean of PoleNet's input: 0 after normalisation
-MASK_THRESHOLD = 0.5
+MASK_THRESHOLD = 0.5  # pixels of a lower probability are no pole's
 
 SEGMENTERS = {
     "polenet": "scpf.models.segmentation:load_polenet",

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from scpf.ingest.labelled_folders import labelled_images
 from scpf.models.errors import UsageError
-from scpf.models.labelled_images import IdsImage, LabelledImage, ids_images, split
+from scpf.models.labelled_images import IdsImage, LabelledImage, split
 from scpf.models.worker_processes import usable_cores
-from scpf.sample_logs.scene_files import scene_name, write_scenes
+from scpf.sample_logs.scene_files import scene_paths, write_scenes
 
 FIRST_SEED_TO_WEIGH = 2 * 10**6
 """Of the scenes that the evidence is weighed on: no training and no validation paints them."""
@@ -110,8 +110,7 @@ def painted_images(
 
     cores = usable_cores() if len(seeds) >= WORTH_PROCESSES else 1
     write_scenes(folder, seeds, workers=cores, keep=painted.keep, progress=told)
-    wanted = {scene_name(seed) for seed in seeds}  # more may lie there, of an earlier training
-    return [image for image in ids_images(folder) if image.path.stem in wanted]
+    return [IdsImage(*scene_paths(folder, seed)) for seed in seeds]
 
 
 def told(images: Sequence[LabelledImage], report: Callable[[str], None]) -> Iterator[LabelledImage]:

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.errors import InputError
-from scpf.models.whole_files import whole
 from scpf.models.worker_processes import worker_pool
+from scpf.sample_logs.finished_frames import write_whole
 from scpf.sample_logs.street_scenes import scene
 
 JPEG_QUALITY = 92
 TOGETHER = 8  # scenes that a process takes at a time
 
 
-def scene_name(seed: int) -> str:
-    """Of a scene's files, before their suffixes."""
-    return f"toy_{seed:06d}"
+def scene_paths(folder: Path, seed: int) -> tuple[Path, Path]:
+    """Where `write_scenes` leaves the picture of a scene, and its ids."""
+    return folder / f"toy_{seed:06d}.jpg", folder / f"toy_{seed:06d}.png"
 
 
 def write_scenes(
@@ -49,7 +49,7 @@ def write_scenes(
 
 
 def _write(folder: Path, keep: bool, seed: int) -> None:
-    picture, truth = (folder / f"{scene_name(seed)}{suffix}" for suffix in (".jpg", ".png"))
+    picture, truth = scene_paths(folder, seed)
     if keep and picture.is_file() and truth.is_file():
         return
     image, ids = scene(seed)
@@ -60,8 +60,7 @@ def _write(folder: Path, keep: bool, seed: int) -> None:
 def _save(path: Path, picture: NDArray[np.uint8], settings: list[int]) -> None:
     _, encoded = cv2.imencode(path.suffix, picture, settings)
     try:
-        with whole(path) as partial_path:
-            partial_path.write_bytes(encoded.tobytes())
+        write_whole(path, encoded.tobytes())
     except OSError as error:
         reason = error.strerror or error
         raise InputError(f"{path} cannot be written ({reason})", "is there room, may you write?") from error

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from scpf.models import polenet, polenet_inference
-from scpf.models.grouping import MASK_THRESHOLD
+from scpf.models.segmentation import MASK_THRESHOLD
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
