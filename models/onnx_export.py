@@ -11,6 +11,7 @@ import logging
 import tempfile
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,7 @@ def export(net: polenet.PoleNet, info: polenet.WeightsInfo, output: Path) -> Non
         path = Path(folder) / "network.onnx"
         _trace(net, path)
         model = onnx.load(path)
+    info = replace(info, tile_gate=None)  # the graph computes all
     description = {"format": FORMAT, "format_version": FORMAT_VERSION, "precision": "float32"}
     onnx.helper.set_model_props(model, {**description, "info": polenet.write_info(info)})
     _write(model, output)

@@ -14,13 +14,15 @@ shuffle of the 1/2 level. H and W are multiples of 32 (`segmentation.STRIDE_PX`)
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save as as_safetensors
 from torch import Tensor, nn
 
 from scpf.models.errors import InputError, MissingError
@@ -29,7 +31,8 @@ from scpf.models.whole_files import whole
 
 SHIPPED = "polenet"  # the name of the weights that come with scpf
 FORMAT = "scpf-polenet"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
+READABLE_VERSIONS = ("2", "3")  # the former without a tile gate
 
 CHANNELS = (16, 32, 48, 96, 128)  # after each halving of the resolution
 BLOCKS = (0, 0, 2, 2, 2)  # residual blocks there: at 1/4 one would cost a tenth of the network
@@ -70,6 +73,14 @@ class _RowColumnContext(nn.Module):
         return x + self.mix(torch.cat([column, row], 1))  # type: ignore[no-any-return]
 
 
+class Levels(NamedTuple):
+    """Of the encoder ``half`` (B, 16, H/2, W/2) and ``quarter`` (B, 32, H/4, W/4), of the pyramid ``eighth``."""
+
+    half: Tensor
+    quarter: Tensor
+    eighth: Tensor
+
+
 class PoleNet(nn.Module):
     """The network; input (B, 3, H, W) as `polenet_inference.to_input` makes it, outputs as the module says."""
 
@@ -97,28 +108,29 @@ class PoleNet(nn.Module):
         nn.init.constant_(self.centre[-1].bias, -4.0)  # type: ignore[arg-type]
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        fine, centre, pyramid = self.before_offsets(x)
-        return F.pixel_shuffle(fine, 2), centre, self.offsets(pyramid)
+        levels = self.levels(x)
+        mask, offsets = self.finest(levels)
+        return F.pixel_shuffle(mask, 2), self.centre(levels.eighth), offsets
 
-    def before_offsets(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """As the call, but the mask before its pixel shuffle and, third, what the offsets are convolved from.
-
-        They are (B, 4, H/2, W/2), the four pixels of each cell row by row, and (B, `PYRAMID_CHANNELS`, H/4, W/4).
-        """
-        levels = []
+    def levels(self, x: Tensor) -> Levels:
+        """What the outputs are made of: the encoder, and the pyramid down to 1/8."""
+        features = []
         for stage in self.stages:
             x = stage(x)
-            levels.append(x)
-        pyramid = self.lateral[3](levels[4])
-        eighth = pyramid
-        for k in (2, 1, 0):
+            features.append(x)
+        pyramid = self.lateral[3](features[4])
+        for k in (2, 1):
             above = F.interpolate(pyramid, scale_factor=2.0)
-            pyramid = self.smooth[k](self.lateral[k](levels[k + 1]).add_(above))
-            if k == 1:
-                eighth = pyramid
+            pyramid = self.smooth[k](self.lateral[k](features[k + 1]).add_(above))
+        return Levels(features[0], features[1], pyramid)
+
+    def finest(self, levels: Levels) -> tuple[Tensor, Tensor]:
+        """The mask before its pixel shuffle (B, 4, H/2, W/2), four pixels a cell row by row, and the offsets."""
+        above = F.interpolate(levels.eighth, scale_factor=2.0)
+        pyramid = self.smooth[0](self.lateral[0](levels.quarter).add_(above))
         up = F.interpolate(self.fine_up(pyramid), scale_factor=2.0, mode="bilinear", align_corners=False)
-        fine = self.fine(F.relu(up.add_(self.fine_low(levels[0])), inplace=True))
-        return self.mask(fine), self.centre(eighth), pyramid
+        fine = self.fine(F.relu(up.add_(self.fine_low(levels.half)), inplace=True))
+        return self.mask(fine), self.offsets(pyramid)
 
 
 NOT_CALIBRATED = ScoreCalibration(1.0, 0.0, 0.0, 0.0)  # the score is the centre's peak
@@ -129,7 +141,7 @@ CONVENTIONS = (
 
 @dataclass(frozen=True)
 class WeightsInfo:
-    """What a weights file says about itself. ``conventions``: of what comes out."""
+    """What a weights file says about itself. ``conventions``: of what comes out; ``tile_gate``: of `pole_tiles`."""
 
     trained_on: str
     calibration: ScoreCalibration = NOT_CALIBRATED
@@ -138,6 +150,7 @@ class WeightsInfo:
     conventions: str = CONVENTIONS
     licence: str = "Apache-2.0"
     figures: dict[str, float] = field(default_factory=dict)
+    tile_gate: tuple[float, ...] | None = None
 
 
 def mixed(net: PoleNet, other: PoleNet, share: float) -> PoleNet:
@@ -162,12 +175,14 @@ def save(path: Path, net: PoleNet, info: WeightsInfo) -> None:
     }
     metadata = {"format": FORMAT, "format_version": str(FORMAT_VERSION), "info": write_info(info)}
     with whole(path) as partial:
-        save_file(tensors, partial, metadata)
+        partial.write_bytes(
+            as_safetensors(tensors, metadata)
+        )  # its own files are readable for their owner alone
 
 
 def write_info(info: WeightsInfo) -> str:
     """The description as JSON."""
-    return json.dumps(asdict(info))
+    return json.dumps({name: value for name, value in asdict(info).items() if value is not None})
 
 
 def read_info(path: Path, text: str) -> WeightsInfo:
@@ -176,9 +191,18 @@ def read_info(path: Path, text: str) -> WeightsInfo:
         fields = json.loads(text)
         fields["calibration"] = ScoreCalibration(**fields["calibration"])
         fields["classes"] = tuple(fields["classes"])
+        if "tile_gate" in fields:
+            fields["tile_gate"] = _tile_gate(fields["tile_gate"])
         return WeightsInfo(**fields)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: the description of the weights is damaged ({error})") from error
+
+
+def _tile_gate(weights: list[float]) -> tuple[float, ...]:
+    gate = tuple(map(float, weights))
+    if len(gate) != PYRAMID_CHANNELS + 1 or not all(map(math.isfinite, gate)):
+        raise ValueError(f"a gate of {len(gate)} numbers, {PYRAMID_CHANNELS + 1} finite ones are needed")
+    return gate
 
 
 def weights_path(name: str | Path) -> Path:
@@ -203,9 +227,9 @@ def load(path: Path) -> tuple[PoleNet, WeightsInfo]:
         ) from error
     if metadata.get("format") != FORMAT:
         raise InputError(f"{path}: not PoleNet weights (no {FORMAT!r} in the metadata)")
-    if metadata.get("format_version") != str(FORMAT_VERSION):
-        found = metadata.get("format_version")
-        raise InputError(f"{path}: weights format {found}, this scpf reads {FORMAT_VERSION}", "update scpf")
+    if (found := metadata.get("format_version")) not in READABLE_VERSIONS:
+        readable = " and ".join(READABLE_VERSIONS)
+        raise InputError(f"{path}: weights format {found}, this scpf reads {readable}", "update scpf")
     info = read_info(path, metadata.get("info", ""))
     net = PoleNet()
     counters = {

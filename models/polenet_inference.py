@@ -13,14 +13,12 @@ from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from scpf.models.instances import Image
+from scpf.models.pole_tiles import MOST_TILES, TileGate, finest_at, passing_tiles, spread
 from scpf.models.polenet import PIXEL_DEVIATION, PIXEL_MEAN, PoleNet
-from scpf.models.segmentation import MASK_THRESHOLD
 
 _LEVELS = (np.arange(256, dtype=np.float32) - np.float32(255 * PIXEL_MEAN)) / np.float32(
     255 * PIXEL_DEVIATION
 )
-
-MANY_CELLS = 0.1  # share of all cells, above which sums for each cost more than the convolution
 
 
 def to_input(
@@ -84,53 +82,30 @@ def _pointwise_by_onednn(net: PoleNet) -> None:
 Maps = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
 
 
-def maps(net: PoleNet, framed: Image) -> Maps:
+def maps(net: PoleNet, framed: Image, gate: TileGate | None = None) -> Maps:
     """Probabilities of mask (h, w) and centre (h/8, w/8), offsets (2, h/4, w/4) of one framed image (h, w, 3).
 
-    Offsets may be 0 in cells without a pixel of `MASK_THRESHOLD` or more, where nobody asks for them.
+    With a ``gate``, a CPU computes masks and offsets in the tiles alone that it lets pass; elsewhere they are 0.
     """
-    return batch_maps(net, framed[None])[0]
+    return batch_maps(net, framed[None], gate)[0]
 
 
-def batch_maps(net: PoleNet, framed: NDArray[np.uint8]) -> list[Maps]:
+def batch_maps(net: PoleNet, framed: NDArray[np.uint8], gate: TileGate | None = None) -> list[Maps]:
     """`maps` of each of several framed images (B, h, w, 3)."""
+    parameter = next(net.parameters())
     with torch.inference_mode():
-        x = to_input(framed, next(net.parameters()).device).to(next(net.parameters()).dtype)
-        fine, centre, pyramid = net.before_offsets(x)
-        fine = fine.float().sigmoid()
-        on_pole = F.max_pool2d(fine.amax(1, keepdim=True), 2)[:, 0] >= MASK_THRESHOLD
-        offsets = at_cells(net.offsets, pyramid, on_pole)
-        of_each = zip(
-            fine.cpu().numpy(),
-            centre[:, 0].float().sigmoid().cpu().numpy(),
-            offsets.float().cpu().numpy(),
-            strict=True,
-        )
-        return [(interleaved(mask), peaks, aims) for mask, peaks, aims in of_each]
-
-
-def at_cells(head: nn.Conv2d, features: Tensor, cells: Tensor) -> Tensor:
-    """What a 3×3 convolution gives (B, n, h, w) of ``features`` (B, C, h, w), only at ``cells`` (B, h, w), 0 elsewhere.
-
-    Where they are more than `MANY_CELLS`, the whole is faster, and given.
-    """
-    batch, row, column = cells.nonzero(as_tuple=True)
-    if len(batch) > MANY_CELLS * cells.numel():
-        return head(features)  # type: ignore[no-any-return]
-    height, width = cells.shape[1:]
-    by_cell, weight = features.permute(0, 2, 3, 1), head.weight.float()
-    outputs = torch.zeros(len(batch), len(weight), device=features.device)
-    for i in range(3):
-        for j in range(3):
-            y, x = row + i - 1, column + j - 1
-            inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
-            near = by_cell[batch, y.clamp(0, height - 1), x.clamp(0, width - 1)] * inside[:, None]
-            outputs += near.float() @ weight[:, :, i, j].T
-    if head.bias is not None:
-        outputs += head.bias
-    found = torch.zeros(len(cells), len(weight), height, width, device=features.device)
-    found[batch, :, row, column] = outputs
-    return found
+        levels = net.levels(to_input(framed, parameter.device).to(parameter.dtype))
+        centres = net.centre(levels.eighth)[:, 0].float().sigmoid().cpu().numpy()
+        tiles = passing_tiles(levels, gate) if gate and parameter.device.type == "cpu" else None
+        if tiles is None or tiles.sum() > MOST_TILES * tiles.numel():
+            mask, offsets = (output.float() for output in net.finest(levels))
+            masks = [interleaved(each) for each in mask.sigmoid().cpu().numpy()]
+            return list(zip(masks, centres, offsets.cpu().numpy(), strict=True))
+        where = tiles.nonzero()
+        mask, offsets = (part.float() for part in finest_at(net, levels, where))
+        mask = spread(F.pixel_shuffle(mask.sigmoid(), 2), where, tiles.shape)
+        offsets = spread(offsets, where, tiles.shape)
+        return list(zip(mask.numpy()[:, 0], centres, offsets.numpy(), strict=True))
 
 
 def interleaved(fine: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -11,7 +11,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ import torch
 
 from scpf.models import polenet, polenet_inference
 from scpf.models.labelled_images import LabelledImage
+from scpf.models.pole_tiles_fit import fit_tile_gate, gate_pictures
 from scpf.models.polenet_losses import loss
 from scpf.models.polenet_samples import Sample, make_sample
 from scpf.models.polenet_validation import REST, judged_weights
@@ -50,7 +51,8 @@ def train(
     Every set of ``training`` is drawn equally often, whatever its size. The best are those with the highest mask AP on
     a validation. In the end `TrainingSettings.kept` are mixed with the start's weights, where that is wanted, and their
     calibration is fitted on every other held-out image, or there only its scale, where ``weighing`` holds images to
-    weigh the evidence on. Returns what `FINAL` says of itself; the figures are of the other held-out images.
+    weigh the evidence on; and the gate of the finest levels is fitted (`pole_tiles_fit`). Returns what `FINAL` says of
+    itself; the figures are of the other held-out images.
     ``about``: what the weights shall say of their training. ``resume``: go on from the `STATE` in the folder.
     """
     torch.manual_seed(seed)
@@ -97,7 +99,15 @@ def train(
     net, _ = polenet.load(run_folder / settings.kept)
     if settings.start and settings.keep_start:
         net = polenet.mixed(net, polenet.load(settings.start)[0], settings.keep_start)
-    info = judged_weights(net.to(settings.device), held_out, about, REST, weighing)
+    net = net.to(settings.device)
+    info = judged_weights(net, held_out, about, REST, weighing)
+    gate, passing = fit_tile_gate(polenet_inference.for_inference(net), gate_pictures(held_out, weighing))
+    report(
+        f"the finest levels are computed in {passing:.1%} of a picture"
+        if gate
+        else "too few poles for a tile gate"
+    )
+    info = replace(info, tile_gate=gate)
     report(_line(info.figures))
     polenet.save(run_folder / FINAL, net, info)
     return info

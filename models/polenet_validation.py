@@ -19,6 +19,7 @@ from scipy import ndimage
 
 from scpf.models.grouping import Candidate, ScoreCalibration, group
 from scpf.models.labelled_images import IGNORED_ID, Ids, LabelledImage
+from scpf.models.logistic import logistic
 from scpf.models.polenet import NOT_CALIBRATED, PoleNet, WeightsInfo
 from scpf.models.polenet_inference import for_inference, maps
 from scpf.models.segmentation import frame
@@ -68,7 +69,7 @@ class Judgement(NamedTuple):
     def fit_calibration(self, part: slice = slice(None)) -> ScoreCalibration:
         """Logistic regression of "is a light pole" on the evidence."""
         evidence, right = self._evidence(part)
-        return ScoreCalibration.of(_logistic(evidence, right)) if len(right) else NOT_CALIBRATED
+        return ScoreCalibration.of(logistic(evidence, right)) if len(right) else NOT_CALIBRATED
 
     def calibration(self, weighed: Judgement, part: slice = slice(None)) -> ScoreCalibration:
         """Fitted to a part of the images; its evidence weighed on others, where there are any."""
@@ -82,7 +83,7 @@ class Judgement(NamedTuple):
         if not len(right):
             return weighed
         constant = evidence[:, -1]
-        slope, offset = _logistic(np.stack([evidence @ weighed.weights, constant], axis=1), right)
+        slope, offset = logistic(np.stack([evidence @ weighed.weights, constant], axis=1), right)
         weights = weighed.weights * slope
         weights[-1] += offset
         return ScoreCalibration.of(weights)
@@ -116,17 +117,6 @@ class Judgement(NamedTuple):
                 found[f"mask_iou_{threshold}"] = float(overlaps[right].mean())
                 found[f"thickness_error_px_{threshold}"] = float(np.nanmedian(np.abs(errors[right])))
         return {name: round(float(value), 4) for name, value in found.items()}
-
-
-def _logistic(evidence: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weights of the columns of ``evidence`` (N, K), the last of which is constant; Newton's steps, a weak prior."""
-    weights, prior = np.zeros(evidence.shape[1]), 1e-2
-    for _ in range(200):
-        p = 1 / (1 + np.exp(-evidence @ weights))
-        gradient = evidence.T @ (right - p) - prior * weights
-        curvature = (evidence * (p * (1 - p))[:, None]).T @ evidence + prior * np.eye(len(weights))
-        weights += 0.5 * np.linalg.solve(curvature, gradient)
-    return weights
 
 
 def average_precision(scores: NDArray[np.float64], right: NDArray[np.bool_], wanted: int) -> float:

@@ -129,7 +129,9 @@ class PoleNetSegmenter:
         if len({image.shape for image in images}) > 1:
             raise UsageError("images of different sizes in one batch")
         framed = [frame(image) for image in images]
-        found = batch_maps(self._net, np.stack([each for each, _ in framed])) if framed else []
+        if not framed:
+            return []
+        found = batch_maps(self._net, np.stack([each for each, _ in framed]), self.info.tile_gate)
         return [
             instances(*each, image.shape[:2], shown_px, self.info.calibration, self.threshold)
             for each, image, (_, shown_px) in zip(found, images, framed, strict=True)

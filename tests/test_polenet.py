@@ -68,10 +68,28 @@ def test_weights_come_back(net: polenet.PoleNet, tmp_path: Path) -> None:
     polenet.save(path, net, written)
     again, info = polenet.load(path)
     assert info == written
+    (tmp_path / "any").touch()
+    assert path.stat().st_mode == (tmp_path / "any").stat().st_mode
     assert path.stat().st_size < 3_000_000
     for name, value in again.state_dict().items():
         if not name.endswith("num_batches_tracked"):
             assert torch.equal(value, net.state_dict()[name].half().float()), name
+
+
+def test_weights_with_a_gate_and_those_from_before_there_was_one(
+    net: polenet.PoleNet, tmp_path: Path
+) -> None:
+    path = tmp_path / "w.safetensors"
+    gate = tuple(i / 8 for i in range(33))
+    polenet.save(path, net, polenet.WeightsInfo("nothing", CALIBRATION, tile_gate=gate))
+    assert polenet.load(path)[1].tile_gate == gate
+    for damaged in (gate[:-1], (*gate[:-1], float("nan"))):
+        polenet.save(path, net, polenet.WeightsInfo("nothing", CALIBRATION, tile_gate=damaged))
+        with pytest.raises(InputError, match=r"damaged.*gate"):
+            polenet.load(path)
+    polenet.save(path, net, polenet.WeightsInfo("nothing", CALIBRATION))
+    path.write_bytes(path.read_bytes().replace(b'"format_version":"3"', b'"format_version":"2"'))
+    assert polenet.load(path)[1].tile_gate is None
 
 
 def test_weights_that_are_not_there_are_missing(tmp_path: Path) -> None:
@@ -94,13 +112,13 @@ def test_damaged_foreign_and_newer_weights_are_refused(net: polenet.PoleNet, tmp
     assert "safetensors" in refused(whole[:1000])
     assert "safetensors" in refused(whole[: len(whole) // 2])
     assert "safetensors" in refused(b"")
-    assert "weights format" in refused(whole.replace(b'"format_version":"2"', b'"format_version":"3"'))
+    assert "weights format" in refused(whole.replace(b'"format_version":"3"', b'"format_version":"4"'))
     assert "not PoleNet" in refused(whole.replace(b"scpf-polenet", b"xxxx-xxxxxxx"))
     assert "description" in refused(whole.replace(b"mask_logit", b"mask_login"))
     assert "finite" in refused(whole[:-2] + b"\x00\x7e")
     save_file({"a": torch.zeros(2)}, path)
     assert "not PoleNet" in refused(path.read_bytes())
-    description = {"format": "scpf-polenet", "format_version": "2", "info": json.dumps({"trained_on": ""})}
+    description = {"format": "scpf-polenet", "format_version": "3", "info": json.dumps({"trained_on": ""})}
     save_file({"a": torch.zeros(2)}, path, description)
     assert "description" in refused(path.read_bytes())
 
@@ -172,19 +190,19 @@ def test_calibration_recovers_the_share_of_candidates_that_are_right() -> None:
     assert scores.mean() == pytest.approx(np.mean([v.detected for v in verdicts]), abs=0.02)
 
 
-def test_what_lies_in_the_padding_is_nothing(net: polenet.PoleNet, tmp_path: Path) -> None:
+def test_what_lies_in_the_padding_is_nothing(
+    net: polenet.PoleNet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     cv2.imwrite(str(tmp_path / "a.jpg"), np.full((100, 128, 3), 90, np.uint8))  # doubled, and 24 rows added
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((100, 128), np.uint8))
-    fine, centre, pyramid = net.before_offsets(torch.zeros(1, 3, 224, 256))
-    fine[:, :, :] = -9.0
-    fine[:, :, 101:112, 20:24] = 9.0
-    centre[:] = -9.0
-    centre[0, 0, 26, 5] = 9.0
-    torch.nn.init.zeros_(net.offsets.weight)
-    torch.nn.init.zeros_(net.offsets.bias)  # type: ignore[arg-type]
-    net.before_offsets = lambda x: (fine, centre, pyramid)  # type: ignore[method-assign]
+    mask, centre, offsets = np.zeros((224, 256)), np.zeros((28, 32)), np.zeros((2, 56, 64))
+    mask[202:224, 40:48] = centre[26, 5] = 1.0
+    monkeypatch.setattr("scpf.models.polenet_validation.maps", lambda net, framed: (mask, centre, offsets))
     (judged,) = judge(net, ids_images(tmp_path)).images
     assert judged.verdicts == []
+    mask[150:200, 40:48] = centre[21, 5] = 1.0  # not all of it
+    (judged,) = judge(net, ids_images(tmp_path)).images
+    assert len(judged.verdicts) == 1
 
 
 def test_a_mask_that_is_too_wide_is_a_detection_and_no_good_mask() -> None:
