@@ -8,8 +8,11 @@ mask's probability is 0. The gate is fitted to what the network itself finds (`p
 
 from __future__ import annotations
 
+import cv2
+import numpy as np
 import torch
 import torch.nn.functional as F
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from scpf.models.polenet import Levels, PoleNet
@@ -18,18 +21,26 @@ TILE_CELLS = 4  # of the level of 1/8: 32 px
 MOST_TILES = 0.5  # share of all tiles, above which the whole picture is faster
 ROUNDED_TO = 16  # tiles: for each number of them oneDNN makes its convolutions anew
 
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
+
 TileGate = tuple[float, ...]
 """A weight for each channel of the level of 1/8, and a constant: a cell passes where they sum up to 0 or more."""
 
 
-def passing_tiles(levels: Levels, gate: TileGate) -> Tensor:
+def passing_tiles(levels: Levels, gate: TileGate) -> NDArray[np.bool_]:
     """The tiles (B, H/32, W/32) that may show a pole: those with a passing cell, or with one just beside them."""
-    weights = torch.tensor(gate, device=levels.eighth.device)
-    passing = F.conv2d(levels.eighth.float(), weights[None, :-1, None, None], weights[-1:])
-    return F.max_pool2d(F.max_pool2d(passing, 3, 1, 1), TILE_CELLS)[:, 0] >= 0
+    weights = torch.tensor(gate)
+    passing = (F.conv2d(levels.eighth.float(), weights[None, :-1, None, None], weights[-1:]) >= 0)[
+        :, 0
+    ].numpy()
+    nearby = np.stack([cv2.dilate(each.astype(np.uint8), _NEIGHBOURS) for each in passing])
+    images, rows, columns = nearby.shape
+    parts = nearby.reshape(images, rows // TILE_CELLS, TILE_CELLS, columns // TILE_CELLS, TILE_CELLS)
+    found: NDArray[np.bool_] = parts.max((2, 4)) > 0
+    return found
 
 
-def spread(parts: Tensor, where: Tensor, tiles: torch.Size) -> Tensor:
+def spread(parts: Tensor, where: Tensor, tiles: tuple[int, ...]) -> Tensor:
     """The maps (B, C, H, W) of their parts (N, C, s, s) at ``where`` (N, 3) of ``tiles`` (B, H/s, W/s); 0 elsewhere."""
     _, channels, side, _ = parts.shape
     images, rows, columns = tiles

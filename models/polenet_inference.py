@@ -97,13 +97,13 @@ def batch_maps(net: PoleNet, framed: NDArray[np.uint8], gate: TileGate | None = 
         levels = net.levels(to_input(framed, parameter.device).to(parameter.dtype))
         centres = net.centre(levels.eighth)[:, 0].float().sigmoid().cpu().numpy()
         tiles = passing_tiles(levels, gate) if gate and parameter.device.type == "cpu" else None
-        if tiles is None or tiles.sum() > MOST_TILES * tiles.numel():
+        if tiles is None or tiles.mean() > MOST_TILES:
             mask, offsets = (output.float() for output in net.finest(levels))
             masks = [interleaved(each) for each in mask.sigmoid().cpu().numpy()]
             return list(zip(masks, centres, offsets.cpu().numpy(), strict=True))
-        where = tiles.nonzero()
+        where = torch.from_numpy(np.argwhere(tiles))
         mask, offsets = (part.float() for part in finest_at(net, levels, where))
-        mask = spread(F.pixel_shuffle(mask.sigmoid(), 2), where, tiles.shape)
+        mask = spread(F.pixel_shuffle(mask.sigmoid().contiguous(), 2), where, tiles.shape)
         offsets = spread(offsets, where, tiles.shape)
         return list(zip(mask.numpy()[:, 0], centres, offsets.numpy(), strict=True))
 

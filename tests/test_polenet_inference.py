@@ -76,7 +76,7 @@ def test_no_tile(net: polenet.PoleNet, framed: np.ndarray) -> None:
 def test_parts_go_back_to_their_places() -> None:
     where = torch.tensor([(0, 0, 1), (1, 2, 0)])
     parts = torch.arange(2 * 3 * 4 * 4).view(2, 3, 4, 4) + 1.0
-    whole = pole_tiles.spread(parts, where, torch.Size((2, 3, 2)))
+    whole = pole_tiles.spread(parts, where, (2, 3, 2))
     assert whole.shape == (2, 3, 12, 8)
     assert torch.equal(whole[0, :, :4, 4:], parts[0])
     assert torch.equal(whole[1, :, 8:, :4], parts[1])
@@ -94,7 +94,7 @@ def test_a_cell_passes_its_tile_and_those_that_it_touches(
     eighth[0, 7, cell[0], cell[1]] = 2.0
     gate = (*np.eye(32)[7].tolist(), -1.5)
     found = pole_tiles.passing_tiles(polenet.Levels(eighth, eighth, eighth), gate)
-    assert {(row, column) for _, row, column in found.nonzero().tolist()} == passing
+    assert {(row, column) for _, row, column in np.argwhere(found).tolist()} == passing
 
 
 @pytest.fixture(scope="module")
