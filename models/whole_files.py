@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,4 +16,11 @@ def whole(path: Path) -> Iterator[Path]:
     """
     partial = path.with_name(path.name + ".partial")
     yield partial
+    partial.replace(path)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Writes a small file whole or not at all, also where several processes write it at once."""
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    partial.write_bytes(data)
     partial.replace(path)

@@ -10,7 +10,7 @@ from scpf.ingest.labelled_folders import labelled_images
 from scpf.models.errors import UsageError
 from scpf.models.labelled_images import IdsImage, LabelledImage, split
 from scpf.models.worker_processes import usable_cores
-from scpf.sample_logs.scene_files import scene_paths, write_scenes
+from scpf.sample_logs.scene_files import is_whole, scene_paths, write_scenes
 
 FIRST_SEED_TO_WEIGH = 2 * 10**6
 """Of the scenes that the evidence is weighed on: no training and no validation paints them."""
@@ -102,14 +102,16 @@ def painted_images(
 ) -> list[IdsImage]:
     """The street scenes of ``seeds``, painted into the folder ``name`` of the scenes' folder."""
     folder = painted.folder / name
-    report(f"painting {len(seeds)} scenes into {folder}")
+    wanted = [seed for seed in seeds if not (painted.keep and is_whole(folder, seed))]
+    kept = f", {len(seeds) - len(wanted)} are there" if len(wanted) < len(seeds) else ""
+    report(f"painting {len(wanted)} scenes into {folder}{kept}")
 
     def told(done: int) -> None:
         if done % TOLD_EVERY == 0:
-            report(f"{done} of {len(seeds)} scenes")
+            report(f"{done} of {len(wanted)} scenes")
 
-    cores = usable_cores() if len(seeds) >= WORTH_PROCESSES else 1
-    write_scenes(folder, seeds, workers=cores, keep=painted.keep, progress=told)
+    cores = usable_cores() if len(wanted) >= WORTH_PROCESSES else 1
+    write_scenes(folder, wanted, workers=cores, progress=told)
     return [IdsImage(*scene_paths(folder, seed)) for seed in seeds]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.instances import Image, Instance, decode_runs, encode_runs, instance_from_mask
+from scpf.models.whole_files import write_whole
 
 LEAST_PIXELS = 12
 """Fewer pixels than this show no pole that anyone could label."""
@@ -111,13 +111,6 @@ def _pole(row: Mapping[str, Any]) -> SeenPole:
     return SeenPole(
         Instance(box, mask, (x, y), 1.0, landmark_id=row["id"]), row["distance_m"], row["visible_fraction"]
     )
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under another name first, so that an interrupted write leaves nothing that looks finished."""
-    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
-    partial.write_bytes(data)
-    partial.replace(path)
 
 
 def full_masks(frame: FinishedFrame) -> Sequence[NDArray[np.bool_]]:

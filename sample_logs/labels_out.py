@@ -18,7 +18,8 @@ import numpy as np
 
 from scpf.ingest.labelme_out import Labelled, labelme_json
 from scpf.models.instances import encode_runs
-from scpf.sample_logs.finished_frames import FinishedFrame, SeenPole, full_masks, write_whole
+from scpf.models.whole_files import write_whole
+from scpf.sample_logs.finished_frames import FinishedFrame, SeenPole, full_masks
 
 LabelFormat = Literal["labelme", "coco", "ids"]
 

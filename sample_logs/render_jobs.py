@@ -18,8 +18,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from scpf.models.errors import InputError, ScpfError
+from scpf.models.whole_files import write_whole
 from scpf.models.worker_processes import worker_pool
-from scpf.sample_logs.finished_frames import FinishedFrame, load_frame, save_frame, write_whole
+from scpf.sample_logs.finished_frames import FinishedFrame, load_frame, save_frame
 
 Make = Callable[[int], FinishedFrame]
 """Renders the frame of an index."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.errors import InputError
+from scpf.models.whole_files import write_whole
 from scpf.models.worker_processes import worker_pool
-from scpf.sample_logs.finished_frames import write_whole
 from scpf.sample_logs.street_scenes import scene
 
 JPEG_QUALITY = 92
@@ -24,20 +24,24 @@ def scene_paths(folder: Path, seed: int) -> tuple[Path, Path]:
     return folder / f"toy_{seed:06d}.jpg", folder / f"toy_{seed:06d}.png"
 
 
+def is_whole(folder: Path, seed: int) -> bool:
+    """Whether the two files of a scene are there."""
+    return all(path.is_file() for path in scene_paths(folder, seed))
+
+
 def write_scenes(
     folder: Path,
-    seeds: range,
+    seeds: Sequence[int],
     *,
     workers: int = 1,
-    keep: bool = False,
     progress: Callable[[int], None] = lambda done: None,
 ) -> None:
     """Writes ``toy_SEED.jpg`` and ``toy_SEED.png`` (ids) of every seed into ``folder``, the same with any ``workers``.
 
-    ``keep``: leave scenes whose two files are there. Raises InputError where a file cannot be written.
+    Raises InputError where a file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write = partial(_write, folder, keep)
+    write = partial(_write, folder)
     if workers == 1:
         for done, seed in enumerate(seeds, start=1):
             write(seed)
@@ -48,10 +52,8 @@ def write_scenes(
             progress(done)
 
 
-def _write(folder: Path, keep: bool, seed: int) -> None:
+def _write(folder: Path, seed: int) -> None:
     picture, truth = scene_paths(folder, seed)
-    if keep and picture.is_file() and truth.is_file():
-        return
     image, ids = scene(seed)
     _save(picture, image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     _save(truth, ids, [])

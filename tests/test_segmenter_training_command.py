@@ -14,7 +14,7 @@ from scpf.ingest.labelme_out import Labelled, labelme_json
 from scpf.models import polenet
 from scpf.models.instances import instance_from_mask
 from scpf.replay.cli import run
-from scpf.replay.segmenter_data import PaintedScenes, gather
+from scpf.replay.segmenter_data import PaintedScenes, gather, painted_images
 from scpf.sample_logs.scene_files import write_scenes
 from scpf.sample_logs.street_scenes import scene
 
@@ -127,3 +127,17 @@ def test_validate_takes_several_folders(
     command = ["train", "segmenter", str(tiny_scenes), "--validate", *map(str, judges), "--steps", "1"]
     assert run([*command, "--device", "cpu", "-o", str(tmp_path / "w.safetensors")]) == 0
     assert "; 6 held out" in capsys.readouterr().err
+
+
+def test_only_scenes_that_are_not_there_are_painted_again(tmp_path: Path) -> None:
+    told: list[str] = []
+    painted_images(PaintedScenes(2, 0, tmp_path), "train", range(2), told.append)
+    folder = tmp_path / "train"
+    (folder / "toy_000000.png").unlink()
+    before = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
+    found = painted_images(PaintedScenes(3, 0, tmp_path, keep=True), "train", range(3), told.append)
+    after = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
+    assert [image.path.name for image in found] == [f"toy_00000{seed}.jpg" for seed in range(3)]
+    assert sorted(after) == [f"toy_00000{seed}.{kind}" for seed in range(3) for kind in ("jpg", "png")]
+    assert {name for name in before if after[name] == before[name]} == {"toy_000001.jpg", "toy_000001.png"}
+    assert told == [f"painting 2 scenes into {folder}", f"painting 2 scenes into {folder}, 1 are there"]

@@ -119,16 +119,6 @@ def test_two_processes_write_what_one_does(tmp_path: Path) -> None:
     assert all(a.read_bytes() == b.read_bytes() for a, b in zip(one, two, strict=True))
 
 
-def test_only_what_is_not_there_is_painted(tmp_path: Path) -> None:
-    write_scenes(tmp_path, range(2))
-    (tmp_path / "toy_000000.png").unlink()
-    before = {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-    write_scenes(tmp_path, range(3), keep=True)
-    after = {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-    assert sorted(after) == [f"toy_00000{seed}.{kind}" for seed in range(3) for kind in ("jpg", "png")]
-    assert {name for name in before if after[name] == before[name]} == {"toy_000001.jpg", "toy_000001.png"}
-
-
 def test_a_scene_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "toy_000000.jpg").mkdir()
     with pytest.raises(InputError, match=r"toy_000000\.jpg cannot be written"):

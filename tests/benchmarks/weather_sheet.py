@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 
 from scpf.models.instances import Image
+from scpf.models.whole_files import write_whole
 from scpf.sample_logs.drive_frames import DriveSettings, SimulatedDrive
-from scpf.sample_logs.finished_frames import write_whole
 
 FRAMES = (
     ("clear", 1, 936.0),
