@@ -30,10 +30,9 @@ TileGate = tuple[float, ...]
 def passing_tiles(levels: Levels, gate: TileGate) -> NDArray[np.bool_]:
     """The tiles (B, H/32, W/32) that may show a pole: those with a passing cell, or with one just beside them."""
     weights = torch.tensor(gate)
-    passing = (F.conv2d(levels.eighth.float(), weights[None, :-1, None, None], weights[-1:]) >= 0)[
-        :, 0
-    ].numpy()
-    nearby = np.stack([cv2.dilate(each.astype(np.uint8), _NEIGHBOURS) for each in passing])
+    sums = F.conv2d(levels.eighth.float(), weights[None, :-1, None, None], weights[-1:])
+    passing = (sums[:, 0] >= 0).numpy().astype(np.uint8)
+    nearby = np.stack([cv2.dilate(each, _NEIGHBOURS) for each in passing])
     images, rows, columns = nearby.shape
     parts = nearby.reshape(images, rows // TILE_CELLS, TILE_CELLS, columns // TILE_CELLS, TILE_CELLS)
     found: NDArray[np.bool_] = parts.max((2, 4)) > 0

@@ -22,10 +22,10 @@ from scpf.models.segmentation import MASK_THRESHOLD, frame
 MAY_SHOW = 0.3  # a pixel with this mask probability makes a cell of 8 px one that shall pass
 OTHERS_EVERY = 16  # of the other cells, which are a hundred times as many, so many are enough
 LEAST_PASSING = (
-    0.995  # of the cells with a pixel of `MASK_THRESHOLD` or more, each by itself: next to others all do
+    0.995  # of the cells with a pixel of `MASK_THRESHOLD` or more; beside others, the rest do, too
 )
-MOST_PICTURES = 150
 LEAST_CELLS = 500  # such cells, without which there is no tile gate
+MOST_PICTURES = 150
 
 
 class TileGateFit(NamedTuple):
@@ -43,9 +43,8 @@ def fit_tile_gate(net: PoleNet, images: Iterable[LabelledImage]) -> TileGateFit:
     seen = [_cells(net, image.read().image) for image in images]
     if not seen:
         return TileGateFit(None, 1.0)
-    return _fitted(
-        np.concatenate([cells.features for cells in seen]), np.concatenate([cells.mask for cells in seen])
-    )
+    features, mask = zip(*seen, strict=True)
+    return _fitted(np.concatenate(features), np.concatenate(mask))
 
 
 def _fitted(features: NDArray[np.float64], mask: NDArray[np.float32]) -> TileGateFit:
@@ -76,9 +75,8 @@ def _cells(net: PoleNet, image: Image) -> _Cells:
     with torch.inference_mode():
         levels = net.levels(to_input(frame(image)[0][None], next(net.parameters()).device))
         logits = net.finest(levels)[0].amax(1, keepdim=True)
-        mask = (
-            F.max_pool2d(logits, logits.shape[2] // levels.eighth.shape[2]).sigmoid().flatten().cpu().numpy()
-        )
+        highest = F.max_pool2d(logits, logits.shape[2] // levels.eighth.shape[2])
+        mask = highest.sigmoid().flatten().cpu().numpy()
         features = levels.eighth[0].flatten(1).T.cpu().numpy()
     taken = mask >= MAY_SHOW
     taken[::OTHERS_EVERY] = True

@@ -102,11 +102,7 @@ def train(
     net = net.to(settings.device)
     info = judged_weights(net, held_out, about, REST, weighing)
     gate, passing = fit_tile_gate(polenet_inference.for_inference(net), gate_pictures(held_out, weighing))
-    report(
-        f"the finest levels are computed in {passing:.1%} of a picture"
-        if gate
-        else "too few poles for a tile gate"
-    )
+    report(f"{passing:.1%} of the cells pass the tile gate" if gate else "too few poles for a tile gate")
     info = replace(info, tile_gate=gate)
     report(_line(info.figures))
     polenet.save(run_folder / FINAL, net, info)
