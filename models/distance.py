@@ -126,7 +126,12 @@ class DistanceModel:
         experts = {
             f"{name} expert": " ".join(used) for name, used in zip(self.names, self.inputs, strict=True)
         }
-        return {"landmark_class": about.landmark_class, "image_px": size, **experts, **about.notes}
+        powers = {
+            f"{name} learns": f"distance^{expert.warp.power:g}"
+            for name, expert in zip(self.names, self.experts, strict=True)
+            if expert.warp is not None
+        }
+        return {"landmark_class": about.landmark_class, "image_px": size, **experts, **powers, **about.notes}
 
     @property
     def landmark_classes(self) -> frozenset[str]:

@@ -24,10 +24,13 @@ from scpf.models.errors import DamagedError, InputError, MissingError
 from scpf.models.features import FEATURES
 from scpf.models.gaussian_process import GaussianProcess, Hyperparameters
 from scpf.models.npz import load_arrays
+from scpf.models.warp import POWERS, RANGE_M, Warp
 
 FORMAT: Final = "scpf.distance"
-VERSION: Final = 2
-"""What this scpf reads. Version 1 knows one class and one or two experts; what needs no more is written as such."""
+VERSION: Final = 3
+"""What this scpf reads. Version 1 knows one class and one or two experts, version 2 no warped ones; what needs no more
+is written as such.
+"""
 
 HEADER: Final = "model.json"
 MAX_BYTES: Final = 1 << 30
@@ -48,10 +51,11 @@ def save(model: Distances, path: Path) -> None:
     arrays: Arrays = {}
     if isinstance(model, DistanceByClass):
         entries = [_entry(each, arrays, f"{k}/") for k, each in enumerate(model.models.values())]
-        header: dict[str, Any] = {"format": FORMAT, "version": 2, "classes": entries}
+        header: dict[str, Any] = {"format": FORMAT, "version": max(2, _version(arrays)), "classes": entries}
     else:
         entry = _entry(model, arrays, "")
-        header = {"format": FORMAT, "version": 1 if len(entry["model"]["experts"]) <= 2 else 2, **entry}
+        least = 1 if len(entry["model"]["experts"]) <= 2 else 2
+        header = {"format": FORMAT, "version": max(least, _version(arrays)), **entry}
     arrays[HEADER] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     partial = path.with_name(path.name + ".partial")
     try:
@@ -92,6 +96,11 @@ def load(path: Path) -> Distances:
         ) from error
 
 
+def _version(arrays: Arrays) -> int:
+    """The least that can read the arrays of a model."""
+    return 3 if any(name.endswith(".warp") for name in arrays) else 1
+
+
 def _entry(model: DistanceModel | CrossFittedDistance, arrays: Arrays, prefix: str) -> dict[str, Any]:
     """The header of one class; its arrays go into ``arrays``, each name after ``prefix``."""
     if not isinstance(model, CrossFittedDistance):
@@ -120,6 +129,8 @@ def _pack(model: DistanceModel, arrays: Arrays, before: str) -> dict[str, Any]:
         prefix, found = before + name, expert.hyperparameters
         arrays[f"{prefix}.scalars"] = np.array([found.signal_m2, found.noise_m2, expert.offset_m])
         arrays[f"{prefix}.length_scales"] = found.length_scales
+        if expert.warp is not None:
+            arrays[f"{prefix}.warp"] = np.array([expert.warp.power, expert.warp.scale_m])
         arrays[f"{prefix}.factor"] = expert.factor[np.tril_indices(len(expert.factor))]
         for member in ("centre", "scale", "inputs", "weights", "lowest", "highest"):
             arrays[f"{prefix}.{member}"] = getattr(expert, member)
@@ -179,9 +190,9 @@ def _held_out(model: DistanceModel, arrays: Arrays) -> CrossFittedDistance:
 
 
 def _expert(arrays: Arrays, prefix: str, d: int) -> GaussianProcess:
-    signal, noise, offset = (
-        float(value) for value in _array(arrays, f"{prefix}.scalars", (3,), positive=True)
-    )
+    signal, noise, offset = _array(arrays, f"{prefix}.scalars", (3,)).tolist()
+    if not min(signal, noise) > 0.0:
+        raise ValueError(f"{prefix}: the variances are not positive")
     n = len(arrays[f"{prefix}.weights"])
     factor = np.zeros((n, n))
     factor[np.tril_indices(n)] = _array(arrays, f"{prefix}.factor", (n * (n + 1) // 2,))
@@ -198,7 +209,17 @@ def _expert(arrays: Arrays, prefix: str, d: int) -> GaussianProcess:
         _array(arrays, f"{prefix}.weights", (n,)),
         _array(arrays, f"{prefix}.lowest", (d,)),
         _array(arrays, f"{prefix}.highest", (d,)),
+        _warp(arrays, f"{prefix}.warp"),
     )
+
+
+def _warp(arrays: Arrays, name: str) -> Warp | None:
+    if name not in arrays:
+        return None
+    power, scale_m = _array(arrays, name, (2,)).tolist()
+    if not (min(POWERS) <= power <= max(POWERS) and RANGE_M[0] <= scale_m <= RANGE_M[1]):
+        raise ValueError(f"{name}: power {power:g}, scale {scale_m:g} m")
+    return Warp(power, scale_m)
 
 
 def _array(arrays: Arrays, name: str, shape: tuple[int, ...], *, positive: bool = False) -> Array:

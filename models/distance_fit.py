@@ -12,7 +12,15 @@ from scpf.models.distance_gate import Gate, expert_names, fit_gate
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.errors import InputError
 from scpf.models.features import Features, check_names
-from scpf.models.gaussian_process import MIN_SAMPLES, condition, optimise
+from scpf.models.gaussian_process import (
+    MIN_SAMPLES,
+    GaussianProcess,
+    Hyperparameters,
+    condition,
+    log_likelihood,
+    optimise,
+)
+from scpf.models.warp import POWERS, Warp, targets
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -57,15 +65,34 @@ def fit(
         rows = _thin(np.flatnonzero(chosen == k), settings.max_samples, rng)
         few = _thin(rows, settings.max_search_samples, rng)
         table = features.columns(names)
-        found = optimise(
-            table[few],
-            distances_m[few],
-            restarts=0 if warm else settings.restarts,
-            seed=seed,
-            start=start.experts[k].hyperparameters if warm and start is not None else None,
-        )
-        experts.append(condition(table[rows], distances_m[rows], found))
+        known = start.experts[k] if warm and start is not None else None
+        found, warp = search(table[few], distances_m[few], settings, seed, known)
+        experts.append(condition(table[rows], distances_m[rows], found, warp))
     return DistanceModel(gate, tuple(experts), inputs, trained_on)
+
+
+def search(
+    table: Array,
+    distances_m: Array,
+    settings: DistanceSettings,
+    seed: int,
+    known: GaussianProcess | None = None,
+) -> tuple[Hyperparameters, Warp | None]:
+    """Hyperparameters of maximum likelihood for features (N, D) and distances (N,), and the warp where one is wanted.
+
+    ``known``: an expert whose hyperparameters the search begins with, and whose warp it keeps.
+    """
+    if known is not None:
+        learnt = targets(distances_m, known.warp)
+        return optimise(table, learnt, seed=seed, start=known.hyperparameters), known.warp
+    best = None
+    if settings.warped:
+        likelihoods = {}
+        for warp in (Warp.of(power, distances_m) for power in POWERS):
+            found = optimise(table, warp.targets(distances_m), seed=seed)
+            likelihoods[warp] = log_likelihood(condition(table, distances_m, found, warp), distances_m)
+        best = max(likelihoods, key=lambda warp: likelihoods[warp])
+    return optimise(table, targets(distances_m, best), restarts=settings.restarts, seed=seed), best
 
 
 def _divide(features: Features, most: int, seed: int) -> tuple[Gate | None, Indices]:

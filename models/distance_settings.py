@@ -19,7 +19,8 @@ class DistanceSettings:
     the farthest; ``close``: those of all others, and of a single one (names in ``features.FEATURES``).
     ``restarts``: further starts of the hyperparameter search. ``max_samples``: an expert with more keeps a
     random choice of that many, since cost and file grow with their square; the hyperparameters are sought on
-    at most ``max_search_samples`` of them.
+    at most ``max_search_samples`` of them. ``warped``: an expert learns the power of the distance that is
+    likeliest (`warp`), so that its bands grow with the distance as errors do.
     """
 
     close: tuple[str, ...] = (*BOX, "thickness")
@@ -28,6 +29,7 @@ class DistanceSettings:
     restarts: int = 2
     max_samples: int = 500
     max_search_samples: int = 300
+    warped: bool = False
 
     def inputs(self, experts: int) -> tuple[tuple[str, ...], ...]:
         """Names of the features of each of so many experts, from the closest to the farthest."""
@@ -46,11 +48,12 @@ AXIS: Final = ("mean_width", "base_row", "axis_length")
 PRESETS: Final[Mapping[str, DistanceSettings]] = MappingProxyType(
     {
         "paper": DistanceSettings(),
-        # The best that was measured (docs/MODELS.md): the width over the whole pole says more than that in its
+        # The best that was measured (docs/DISTANCES.md): the width over the whole pole says more than that in its
         # middle, where it ends says how far it stands, and for a thick one the taper helps to tell that apart.
         "default": DistanceSettings(
             close=(*BOX, *AXIS, "width_35", "width_85"),
             far=(*BOX, *AXIS),
+            warped=True,
         ),
     }
 )

@@ -6,6 +6,7 @@ and (2) of the paper with K + σ_ε² I (the paper prints σ_ε).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from scpf.models.distance_kernels import posterior
 from scpf.models.errors import InputError
+from scpf.models.warp import Warp, targets
 
 Array = NDArray[np.float64]
 
@@ -46,7 +48,7 @@ class GaussianProcess:
     ``centre`` and ``scale`` (D,) standardise inputs; ``inputs`` (N, D) are standardised and divided by the
     length scales; ``offset_m`` is the mean training distance; ``factor`` (N, N) is the lower Cholesky
     factor of K + σ_ε² I, ``weights`` (N,) = (K + σ_ε² I)⁻¹ (y − offset). ``lowest`` and ``highest`` (D,)
-    bound the training inputs, in their own units.
+    bound the training inputs, in their own units. With a ``warp``, y are its targets instead of distances.
     """
 
     hyperparameters: Hyperparameters
@@ -58,6 +60,7 @@ class GaussianProcess:
     weights: Array
     lowest: Array
     highest: Array
+    warp: Warp | None = None
 
     def predict(self, features: Array) -> tuple[Array, Array, Array]:
         """Mean (M,) in m, predictive variance and function variance (M,) in m², of inputs (M, D).
@@ -74,7 +77,10 @@ class GaussianProcess:
         In range is what lies within the box of the training inputs, 5 % of its span wider.
         """
         points = np.ascontiguousarray(features, dtype=np.float64)
-        return posterior(points, *self._known)
+        found = posterior(points, *self._known)
+        if self.warp is not None:
+            found[0], found[1:3] = self.warp.distances(found[0], found[1:3])
+        return found
 
     @cached_property
     def _known(self) -> tuple[Array, Array, Array, Array, Array, Array, float, float, float]:
@@ -98,7 +104,9 @@ def matern32(left: Array, right: Array) -> Array:
     return correlation
 
 
-def condition(features: Array, distances_m: Array, hyperparameters: Hyperparameters) -> GaussianProcess:
+def condition(
+    features: Array, distances_m: Array, hyperparameters: Hyperparameters, warp: Warp | None = None
+) -> GaussianProcess:
     """The process with given hyperparameters, conditioned on features (N, D) and distances (N,).
 
     Raises InputError below 8 samples, or where a value is not finite.
@@ -108,14 +116,22 @@ def condition(features: Array, distances_m: Array, hyperparameters: Hyperparamet
     _check(features, distances_m)
     centre, scale = _standard(features)
     inputs = (features - centre) / (scale * hyperparameters.length_scales)
-    offset = float(distances_m.mean())
+    learnt = targets(distances_m, warp)
+    offset = float(learnt.mean())
     covariance = hyperparameters.signal_m2 * matern32(inputs, inputs)
     covariance[np.diag_indices(len(inputs))] += hyperparameters.noise_m2
     factor = np.ascontiguousarray(cholesky(covariance, lower=True, check_finite=False))
-    weights = cho_solve((factor, True), distances_m - offset, check_finite=False)
-    return GaussianProcess(
-        hyperparameters, centre, scale, inputs, offset, factor, weights, features.min(0), features.max(0)
-    )
+    weights = cho_solve((factor, True), learnt - offset, check_finite=False)
+    bounds = features.min(0), features.max(0)
+    return GaussianProcess(hyperparameters, centre, scale, inputs, offset, factor, weights, *bounds, warp)
+
+
+def log_likelihood(process: GaussianProcess, distances_m: Array) -> float:
+    """Logarithm of the marginal likelihood of the distances (N,) that ``process`` was conditioned on."""
+    warp = process.warp
+    fit = 0.5 * float((targets(distances_m, warp) - process.offset_m) @ process.weights)
+    volume = float(np.log(np.diag(process.factor)).sum()) + 0.5 * len(distances_m) * math.log(2.0 * math.pi)
+    return (0.0 if warp is None else warp.log_slope(distances_m)) - fit - volume
 
 
 def optimise(

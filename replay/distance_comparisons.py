@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scpf.models.distance import DistanceModel
-from scpf.models.distance_fit import fit
+from scpf.models.distance_fit import fit, search
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.features import BOX
-from scpf.models.gaussian_process import MIN_SAMPLES, Hyperparameters, condition, optimise
+from scpf.models.gaussian_process import MIN_SAMPLES, Hyperparameters, condition
+from scpf.models.warp import Warp
 from scpf.replay.distance_training import Samples
 
 Array = NDArray[np.float64]
@@ -31,11 +32,12 @@ CONFIDENCE: Final = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One expert of a contender: the samples it answers for (indices), its features and its hyperparameters."""
+    """One expert of a contender: the samples it answers for (indices), its features, hyperparameters and warp."""
 
     rows: Indices
     features: tuple[str, ...]
     hyperparameters: Hyperparameters
+    warp: Warp | None = None
 
 
 Contenders = Mapping[str, Sequence[Part]]
@@ -157,7 +159,7 @@ def _held_out(
         if len(inside) > most:
             inside = rng.choice(inside, most, replace=False)
         table = samples.features.columns(part.features)
-        process = condition(table[inside], samples.distances_m[inside], part.hyperparameters)
+        process = condition(table[inside], samples.distances_m[inside], part.hyperparameters, part.warp)
         errors.append(process.predict(table[outside])[0] - samples.distances_m[outside])
     return np.concatenate(errors) if errors else None
 
@@ -170,13 +172,12 @@ def _part(
     if len(rows) > settings.max_search_samples:
         few = np.random.default_rng(seed).choice(rows, settings.max_search_samples, replace=False)
     table = samples.features.columns(features)[few]
-    found = optimise(table, samples.distances_m[few], restarts=settings.restarts, seed=seed)
-    return Part(rows, features, found)
+    return Part(rows, features, *search(table, samples.distances_m[few], settings, seed))
 
 
 def _parts(samples: Samples, model: DistanceModel) -> list[Part]:
     chosen = model.choose(samples.features)
     return [
-        Part(np.flatnonzero(chosen == k), names, expert.hyperparameters)
+        Part(np.flatnonzero(chosen == k), names, expert.hyperparameters, expert.warp)
         for k, (expert, names) in enumerate(zip(model.experts, model.inputs, strict=True))
     ]

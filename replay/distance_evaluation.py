@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scpf.models.distance import DistanceModel, Predictions
 from scpf.models.distance_settings import DistanceSettings
 from scpf.models.gaussian_process import MIN_SAMPLES, condition, optimise
+from scpf.models.warp import targets
 from scpf.replay.distance_training import Samples
 
 Array = NDArray[np.float64]
@@ -115,8 +116,8 @@ def hold_out(
             hyperparameters = expert.hyperparameters
             if search:
                 few = inside[: settings.max_search_samples]
-                hyperparameters = optimise(table[few], distances[few], seed=seed)
-            process = condition(table[inside], distances[inside], hyperparameters)
+                hyperparameters = optimise(table[few], targets(distances[few], expert.warp), seed=seed)
+            process = condition(table[inside], distances[inside], hyperparameters, expert.warp)
             for rows, part in zip((inside, outside), kept, strict=True):
                 mean, variance, function = process.predict(table[rows])
                 index = np.full(len(rows), k, dtype=np.intp)

@@ -1,4 +1,4 @@
-"""What each set of features is worth: the accuracy table of docs/MODELS.md, on simulated instances or those of a log.
+"""What each set of features is worth: the table of docs/DISTANCES.md, on simulated instances or those of a log.
 
 python -m scpf.replay.distance_study
 python -m scpf.replay.distance_study sample_logs/ring_road.mcap
@@ -25,6 +25,7 @@ DEFAULT: Final = PRESETS["default"]
 MIXTURES: Final = {
     "box": DistanceSettings(close=BOX, far=BOX),
     "box + thickness": DistanceSettings(close=(*BOX, "thickness"), far=(*BOX, "thickness")),
+    "`default`, not warped": replace(DEFAULT, warped=False),
     "`default`": DEFAULT,
 }
 SINGLES: Final = {name: replace(MIXTURES[name], experts=1) for name in ("box + thickness", "`default`")}

@@ -25,6 +25,7 @@ def train_distance(
     experts: int | None = None,
     close: tuple[str, ...] = (),
     far: tuple[str, ...] = (),
+    warped: bool | None = None,
     every: int = 1,
     max_distance_m: float = 60.0,
     seed: int = 0,
@@ -63,13 +64,16 @@ def train_distance(
     segmenter
         `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
     preset
-        Features of the experts: `paper`, or `default` (this project's best, with further features of the mask).
+        `paper`, or `default`: this project's best, with further features of the mask, and warped.
     experts
         How many experts share the distances, 1 to 5 (default: the preset's); 1 for a single one.
     close
         A feature of the expert for close poles, and of all but the farthest; repeat it (default: the preset's).
     far
         A feature of the expert for the farthest poles; repeat it (default: the preset's).
+    warped
+        Each expert learns the power of the distance that is likeliest, so that its bands grow with the distance as
+        errors do (default: the preset's).
     threshold
         Detections of a lower score are left out.
     every
@@ -122,6 +126,7 @@ def train_distance(
         experts=experts or settings.experts,
         close=close or settings.close,
         far=far or settings.far,
+        warped=settings.warped if warped is None else warped,
     )
     check_names(settings.features)
     samples = gather(

@@ -67,7 +67,7 @@ def test_a_pole_is_held_out_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     samples = made()
     learnt: list[set[str]] = []
 
-    def spy(table, distances, hyperparameters):  # type: ignore[no-untyped-def]
+    def spy(table, distances, hyperparameters, warp):  # type: ignore[no-untyped-def]
         learnt.append(set(samples.landmark_ids[np.isin(samples.distances_m, distances)]))
         return Known()
 

@@ -65,8 +65,8 @@ def test_a_map_that_is_off_is_in_the_labels() -> None:
 def test_a_row_for_every_contender(samples: Samples) -> None:
     rows = study(samples, 3, 0)
     found = [(row.expert, row.inputs) for row in rows]
-    assert found[:9] == [(expert, name) for expert in ("close", "far", "mixture") for name in MIXTURES]
-    assert [expert for expert, _ in found[9:]] == ["single", "single"]
+    assert found[:12] == [(expert, name) for expert in ("close", "far", "mixture") for name in MIXTURES]
+    assert [expert for expert, _ in found[12:]] == ["single", "single"]
     errors = {each: row.by_pole.mae_m for each, row in zip(found, rows, strict=True)}
     assert errors["mixture", "`default`"] < errors["mixture", "box"]
     assert len(markdown(rows).splitlines()) == 2 + len(rows)
