@@ -190,8 +190,9 @@ def _held_out(model: DistanceModel, arrays: Arrays) -> CrossFittedDistance:
 
 
 def _expert(arrays: Arrays, prefix: str, d: int) -> GaussianProcess:
-    signal, noise, offset = _array(arrays, f"{prefix}.scalars", (3,)).tolist()
-    if not min(signal, noise) > 0.0:
+    warp = _warp(arrays, f"{prefix}.warp")
+    signal, noise, offset = _array(arrays, f"{prefix}.scalars", (3,), positive=warp is None).tolist()
+    if not min(signal, noise) > 0.0:  # only the mean of warped distances may be otherwise
         raise ValueError(f"{prefix}: the variances are not positive")
     n = len(arrays[f"{prefix}.weights"])
     factor = np.zeros((n, n))
@@ -209,7 +210,7 @@ def _expert(arrays: Arrays, prefix: str, d: int) -> GaussianProcess:
         _array(arrays, f"{prefix}.weights", (n,)),
         _array(arrays, f"{prefix}.lowest", (d,)),
         _array(arrays, f"{prefix}.highest", (d,)),
-        _warp(arrays, f"{prefix}.warp"),
+        warp,
     )
 
 

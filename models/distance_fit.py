@@ -82,17 +82,21 @@ def search(
 
     ``known``: an expert whose hyperparameters the search begins with, and whose warp it keeps.
     """
+    warp, start, restarts = None, None, settings.restarts
     if known is not None:
-        learnt = targets(distances_m, known.warp)
-        return optimise(table, learnt, seed=seed, start=known.hyperparameters), known.warp
-    best = None
-    if settings.warped:
-        likelihoods = {}
-        for warp in (Warp.of(power, distances_m) for power in POWERS):
-            found = optimise(table, warp.targets(distances_m), seed=seed)
-            likelihoods[warp] = log_likelihood(condition(table, distances_m, found, warp), distances_m)
-        best = max(likelihoods, key=lambda warp: likelihoods[warp])
-    return optimise(table, targets(distances_m, best), restarts=settings.restarts, seed=seed), best
+        warp, start, restarts = known.warp, known.hyperparameters, 0
+    elif settings.warped:
+        found = {
+            each: optimise(table, each.targets(distances_m), seed=seed)
+            for each in (Warp.of(power, distances_m) for power in POWERS)
+        }
+        warp = max(
+            found,
+            key=lambda each: log_likelihood(condition(table, distances_m, found[each], each), distances_m),
+        )
+        start = found[warp]
+    learnt = targets(distances_m, warp)
+    return optimise(table, learnt, restarts=restarts, seed=seed, start=start), warp
 
 
 def _divide(features: Features, most: int, seed: int) -> tuple[Gate | None, Indices]:

@@ -23,7 +23,7 @@ from scpf.models.errors import MissingError, UsageError
 from scpf.models.instances import Image
 from scpf.models.onnx_segmenter import FORMAT, FORMAT_VERSION, INPUT, OUTPUTS
 from scpf.models.segmentation import STRIDE_PX, frame
-from scpf.models.whole_files import whole
+from scpf.models.whole_files import write_whole
 
 LEAST_PICTURES = 4
 _EXAMPLE_PX = (96, 128)
@@ -90,8 +90,7 @@ def _check_installed() -> None:
 
 
 def _write(model: Any, output: Path) -> None:
-    with whole(output) as partial:
-        partial.write_bytes(model.SerializeToString())
+    write_whole(output, model.SerializeToString())
 
 
 def _trace(net: polenet.PoleNet, path: Path) -> None:

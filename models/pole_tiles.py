@@ -87,10 +87,10 @@ def finest_at(net: PoleNet, levels: Levels, where: Tensor) -> tuple[Tensor, Tens
     # A tile is 8 cells of 1/4 wide. Two convolutions need two beside it, one of which the first leaves.
     quarter, half = _Windows(where, 8, 2), _Windows(where, 16, 1)
     above = F.interpolate(_Windows(where, 4, 1).of(levels.eighth), scale_factor=2.0)
-    x = net.lateral[0](quarter.of(levels.quarter)).add_(above).mul_(quarter.inside(levels.quarter))
+    inside = quarter.inside(levels.quarter)
+    x = net.lateral[0](quarter.of(levels.quarter)).add_(above).mul_(inside)
     pyramid = _without_padding(net.smooth[0], x)
-    inside = quarter.inside(levels.quarter)[:, :, 1:-1, 1:-1]
-    offsets = F.conv2d(pyramid * inside, net.offsets.weight, net.offsets.bias)
+    offsets = F.conv2d(pyramid * inside[:, :, 1:-1, 1:-1], net.offsets.weight, net.offsets.bias)
     # The whole level is enlarged as if its edge went on.
     pyramid[row == 0, :, 0] = pyramid[row == 0, :, 1]
     pyramid[row == height - 1, :, -1] = pyramid[row == height - 1, :, -2]

@@ -21,9 +21,7 @@ from scpf.models.segmentation import MASK_THRESHOLD, frame
 
 MAY_SHOW = 0.3  # a pixel with this mask probability makes a cell of 8 px one that shall pass
 OTHERS_EVERY = 16  # of the other cells, which are a hundred times as many, so many are enough
-LEAST_PASSING = (
-    0.995  # of the cells with a pixel of `MASK_THRESHOLD` or more; beside others, the rest do, too
-)
+LEAST_PASSING = 0.995  # of the cells with a pixel of `MASK_THRESHOLD` or more; the rest may pass beside them
 LEAST_CELLS = 500  # such cells, without which there is no tile gate
 MOST_PICTURES = 150
 

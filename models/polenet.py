@@ -27,7 +27,7 @@ from torch import Tensor, nn
 
 from scpf.models.errors import InputError, MissingError
 from scpf.models.grouping import ScoreCalibration
-from scpf.models.whole_files import whole
+from scpf.models.whole_files import write_whole
 
 SHIPPED = "polenet"  # the name of the weights that come with scpf
 FORMAT = "scpf-polenet"
@@ -174,10 +174,7 @@ def save(path: Path, net: PoleNet, info: WeightsInfo) -> None:
         if not name.endswith("num_batches_tracked")
     }
     metadata = {"format": FORMAT, "format_version": str(FORMAT_VERSION), "info": write_info(info)}
-    with whole(path) as partial:
-        partial.write_bytes(
-            as_safetensors(tensors, metadata)
-        )  # its own files are readable for their owner alone
+    write_whole(path, as_safetensors(tensors, metadata))  # its own files only their owner may read
 
 
 def write_info(info: WeightsInfo) -> str:

@@ -20,7 +20,7 @@ def whole(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Writes a small file whole or not at all, also where several processes write it at once."""
+    """Writes a file whole or not at all, also where several processes write it at once."""
     partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
     partial.write_bytes(data)
     partial.replace(path)

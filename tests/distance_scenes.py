@@ -35,3 +35,15 @@ def version(path: Path) -> int:
     """The format's version that a model file names."""
     with np.load(path, allow_pickle=False) as file:
         return int(json.loads(file["model.json"].tobytes())["version"])
+
+
+def changed(path: Path, **members: object) -> Path:
+    """A copy of a model file with other members."""
+    with np.load(path, allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    header = json.loads(arrays["model.json"].tobytes())
+    header.update(members.pop("header", {}))  # type: ignore[call-overload]
+    arrays["model.json"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    arrays.update(members)  # type: ignore[arg-type]
+    np.savez(path.with_name("changed.npz"), **arrays)
+    return path.with_name("changed.npz")

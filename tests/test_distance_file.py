@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from distance_scenes import ABOUT, LENS, QUICK, scene, version
+from distance_scenes import ABOUT, LENS, QUICK, changed, scene, version
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -73,18 +72,6 @@ def test_cross_fitted_distances_answer_for_their_samples_alone(
     assert [d.mean_m for d in again.for_frame(200).predict(few[2:], 1024, 768) if d] == [33.0]
     with pytest.raises(InputError, match="cross-fitted"):
         DistanceModel.load(tmp_path / "c.npz")
-
-
-def changed(path: Path, **members: object) -> Path:
-    """A copy of a model file with other members."""
-    with np.load(path, allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    header = json.loads(arrays["model.json"].tobytes())
-    header.update(members.pop("header", {}))  # type: ignore[call-overload]
-    arrays["model.json"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-    arrays.update(members)  # type: ignore[arg-type]
-    np.savez(path.with_name("changed.npz"), **arrays)
-    return path.with_name("changed.npz")
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,6 @@ import numpy as np
 import pytest
 import torch
 
-from scpf import sample_logs
 from scpf.ingest.drive_log import DriveLog
 from scpf.models import polenet_inference, segmentation
 from scpf.models.instances import Instance
@@ -41,7 +40,7 @@ pytestmark = pytest.mark.skipif(
 SIZES_PX = ((2048, 1536), (1024, 768))
 KINDS = ("drive", "scene")
 SEED, FRAME = 900_009, 90
-SAMPLE_DRIVE = Path(sample_logs.__file__).with_name("ring_road.mcap")
+SAMPLE = Path(__file__).parents[2] / "sample_logs" / "ring_road.mcap"
 ROUNDS = 12
 WORKERS, PICTURES = 2, 40
 Call = Callable[[], Any]
@@ -68,7 +67,7 @@ def picture(kind: str) -> np.ndarray:
     """A painted scene, full of what looks like poles, or a frame of the sample drive."""
     if kind == "scene":
         return scene(SEED)[0]
-    with DriveLog(SAMPLE_DRIVE) as log:
+    with DriveLog(SAMPLE) as log:
         data = next(islice(log.images(), FRAME, None)).data
     return decode(data, "")[:, :, ::-1]
 
@@ -132,7 +131,7 @@ def test_the_parts(kind: str, size_px: tuple[int, int], segmenters: dict[str, An
         print(
             f"  {name}: {around + costs[name]:.0f} ms, {2000 / (around + costs[name]):.1f} frames/s on two cores"
         )
-    assert costs["onnx int8"] < 0.9 * costs["onnx float32"]
+    assert costs["onnx int8"] < 0.7 * costs["torch float32 without gate"]
     assert costs["torch float32"] < 0.95 * costs["torch float32 without gate"]
 
 
