@@ -20,6 +20,18 @@ hypothesis.settings.register_profile("ci", derandomize=True, deadline=None)
 hypothesis.settings.register_profile("home", deadline=None)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "home")
 
+MOST_WORKERS = 8  # each holds torch, half a GB
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # Each worker has a core, and threads of its own would only wait for another's. Read when torch is imported.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """A worker a core; none for a single file, which is done before workers are up, nor where times are taken."""
+    timed = "SCPF_BENCHMARK" in os.environ or config.getoption("--benchmark-only", False)
+    single = len(config.args) == 1 and ".py" in config.args[0]
+    return 0 if timed or single else min(MOST_WORKERS, os.cpu_count() or 1)
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
