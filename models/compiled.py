@@ -26,8 +26,8 @@ TAU: Final = 6.283185307179586
 
 
 def kernel(function: F) -> F:
-    """Compile a loop over arrays; cached on disk."""
-    return cast(F, numba.njit(cache=True, fastmath=True, error_model="numpy")(function))
+    """Compile a loop over arrays, beside which other threads go on; cached on disk."""
+    return cast(F, numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")(function))
 
 
 def inlined(function: F) -> F:

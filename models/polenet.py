@@ -48,7 +48,9 @@ def _conv_norm_relu(inputs: int, outputs: int, kernel: int = 3, stride: int = 1)
     )
 
 
-class _Residual(nn.Module):
+class Residual(nn.Module):
+    """relu(second(relu(first(x))) + x) of two 3×3 convolutions, each with its batch norm."""
+
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.first = _conv_norm_relu(channels, channels)
@@ -89,7 +91,7 @@ class PoleNet(nn.Module):
         stages: list[nn.Module] = []
         channels = 3
         for outputs, blocks in zip(CHANNELS, BLOCKS, strict=True):
-            residuals = [_Residual(outputs) for _ in range(blocks)]
+            residuals = [Residual(outputs) for _ in range(blocks)]
             stages.append(nn.Sequential(_conv_norm_relu(channels, outputs, stride=2), *residuals))
             channels = outputs
         stages[-1] = nn.Sequential(stages[-1], _RowColumnContext(channels))

@@ -14,7 +14,8 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from scpf.models.instances import Image
 from scpf.models.pole_tiles import MOST_TILES, TileGate, finest_at, passing_tiles, spread
-from scpf.models.polenet import PIXEL_DEVIATION, PIXEL_MEAN, PoleNet
+from scpf.models.polenet import PIXEL_DEVIATION, PIXEL_MEAN, PoleNet, Residual
+from scpf.models.winograd import WinogradResidual
 
 _LEVELS = (np.arange(256, dtype=np.float32) - np.float32(255 * PIXEL_MEAN)) / np.float32(
     255 * PIXEL_DEVIATION
@@ -59,13 +60,25 @@ def channels_last(net: PoleNet) -> PoleNet:
 def for_inference(net: PoleNet, *, bfloat16: bool = False) -> PoleNet:
     """A folded copy, laid out for the CPU.
 
-    Single precision finds the same instances on every machine; bfloat16 halves the time on CPUs that compute it
+    Single precision finds the same instances on every machine; bfloat16 is faster on CPUs that compute it
     themselves, and moves scores and outlines a little.
     """
     folded = channels_last(fold_batch_norm(net))
     if next(folded.parameters()).device.type == "cpu":
         _pointwise_by_onednn(folded)
+        if not bfloat16:
+            _residuals_by_winograd(folded)
     return folded.to(torch.bfloat16) if bfloat16 else folded
+
+
+def _residuals_by_winograd(net: PoleNet) -> None:
+    """Puts blocks with a quarter of the multiplications in the place of the residual ones: 26 of 99 ms."""
+    for stage in net.stages.modules():
+        for name, block in list(stage.named_children()):
+            if isinstance(block, Residual):
+                first, second = block.first[0], block.second[0]
+                assert isinstance(first, nn.Conv2d) and isinstance(second, nn.Conv2d)
+                setattr(stage, name, WinogradResidual(first, second))
 
 
 def _pointwise_by_onednn(net: PoleNet) -> None:

@@ -48,7 +48,7 @@ def load(
     """The segmenter of a name of `SEGMENTERS`, or of a weights file (`WEIGHTS_SUFFIXES`), which tells whose it is.
 
     ``threads``: CPU threads for the network, for the whole process; by default as torch sets it.
-    ``threshold``: instances of a lower score are left out. ``bfloat16``: half the time on a CPU that computes it
+    ``threshold``: instances of a lower score are left out. ``bfloat16``: less time on a CPU that computes it
     itself, at results that differ a little between machines. ``checkpoint``: what a Mask R-CNN's weights do not say
     of themselves. Raises MissingError and InputError.
     """

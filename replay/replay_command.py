@@ -83,8 +83,8 @@ def replay(
     threshold
         Detections of a lower score are left out. By default 0.9, as in the paper.
     bfloat16
-        Run the network in bfloat16: half the time on CPUs that compute it themselves. Results then differ a little
-        between machines.
+        Run the network in bfloat16: faster on CPUs that compute it themselves. Results then differ a little between
+        machines.
     device
         Where the network computes; `auto` takes a GPU where there is one. By default the CPU.
     distance_model

@@ -23,7 +23,7 @@ import pytest
 import torch
 
 from scpf.ingest.drive_log import DriveLog
-from scpf.models import polenet_inference, segmentation
+from scpf.models import polenet, polenet_inference, segmentation
 from scpf.models.instances import Instance
 from scpf.models.maskrcnn import MaskRCNN, for_inference
 from scpf.models.maskrcnn_conventions import TORCHVISION, CheckpointSettings
@@ -39,21 +39,26 @@ pytestmark = pytest.mark.skipif(
 
 SIZES_PX = ((2048, 1536), (1024, 768))
 KINDS = ("drive", "scene")
+WITHOUT_GATE = "torch float32 without gate"
+DIRECT = "torch float32 by oneDNN alone"
 SEED, FRAME = 900_009, 90
 SAMPLE = Path(__file__).parents[2] / "sample_logs" / "ring_road.mcap"
 ROUNDS = 12
-WORKERS, PICTURES = 2, 40
+WORKERS, PICTURES, CLOCK_ROUNDS = 2, 16, 5
 Call = Callable[[], Any]
 
 
 @pytest.fixture(scope="module")
 def segmenters(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("onnx")
-    whole = segmentation.load("polenet", threads=1)
-    whole.info = replace(whole.info, tile_gate=None)  # type: ignore[attr-defined]
-    found: dict[str, Any] = {
-        "torch float32": segmentation.load("polenet", threads=1), "torch float32 without gate": whole,
-    }  # fmt: skip
+    found: dict[str, Any] = {"torch float32": segmentation.load("polenet", threads=1)}
+    whole: Any = segmentation.load("polenet", threads=1)
+    whole.info = replace(whole.info, tile_gate=None)
+    found[WITHOUT_GATE] = whole
+    direct: Any = segmentation.load("polenet", threads=1)
+    folded = polenet_inference.fold_batch_norm(polenet.load(polenet.weights_path("polenet"))[0])
+    direct._net = polenet_inference.channels_last(folded)
+    found[DIRECT] = direct
     if polenet_inference.has_fast_bfloat16():
         found["torch bfloat16"] = segmentation.load("polenet", threads=1, bfloat16=True)
     for precision in ("float32", "int8"):
@@ -131,8 +136,9 @@ def test_the_parts(kind: str, size_px: tuple[int, int], segmenters: dict[str, An
         print(
             f"  {name}: {around + costs[name]:.0f} ms, {2000 / (around + costs[name]):.1f} frames/s on two cores"
         )
-    assert costs["onnx int8"] < 0.7 * costs["torch float32 without gate"]
-    assert costs["torch float32"] < 0.95 * costs["torch float32 without gate"]
+    assert costs["onnx int8"] < 0.9 * costs["onnx float32"]
+    assert costs["torch float32"] < 0.95 * costs[WITHOUT_GATE]
+    assert costs["torch float32"] < 0.95 * costs[DIRECT]
 
 
 @pytest.mark.parametrize("size_px", SIZES_PX)
@@ -142,18 +148,23 @@ def test_frames_a_second_of_two_workers(
 ) -> None:
     cv2.setNumThreads(1)
     encoded = jpeg(kind, size_px)
-    for name, segmenter in segmenters.items():
+    rates: dict[str, list[float]] = {name: [] for name in segmenters}
+    with ThreadPoolExecutor(WORKERS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        for _ in range(CLOCK_ROUNDS):
+            for name, segmenter in segmenters.items():
 
-        def whole(_: int, segmenter: Any = segmenter) -> list[Instance]:
-            return segmenter(decode(encoded, ""))  # type: ignore[no-any-return]
+                def whole(_: int, segmenter: Any = segmenter) -> list[Instance]:
+                    return segmenter(decode(encoded, ""))  # type: ignore[no-any-return]
 
-        with ThreadPoolExecutor(WORKERS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-            list(pool.map(whole, range(4)))
-            begun = time.perf_counter()
-            list(pool.map(whole, range(PICTURES)))
-            seconds = time.perf_counter() - begun
-        rate, load = PICTURES / seconds, os.getloadavg()[0]
-        print(f"\n{kind} of {size_px[0]}×{size_px[1]}, {name}: {rate:.1f} frames/s, load {load:.1f}")
+                list(pool.map(whole, range(4)))
+                begun = time.perf_counter()
+                list(pool.map(whole, range(PICTURES)))
+                rates[name].append(PICTURES / (time.perf_counter() - begun))
+    for name, each in rates.items():
+        print(
+            f"\n{kind} of {size_px[0]}×{size_px[1]}, {name}: median {np.median(each):.1f}, "
+            f"best {max(each):.1f} frames/s, load {os.getloadavg()[0]:.1f}"
+        )
 
 
 @pytest.mark.parametrize("size_px", SIZES_PX)
