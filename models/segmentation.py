@@ -30,9 +30,11 @@ MASK_THRESHOLD = 0.5  # pixels of a lower probability are no pole's
 
 SEGMENTERS = {
     "polenet": "scpf.models.segmentation:load_polenet",
+    "thorough": "scpf.models.looks:load",
     "maskrcnn": "scpf.models.maskrcnn_segmenter:load",
     "onnx": "scpf.models.onnx_segmenter:load",
 }
+THOROUGH = "thorough:"  # before a file of PoleNet's weights
 WEIGHTS_SUFFIXES = (".safetensors", ".pth", ".pt", ".pkl", ".onnx")
 
 
@@ -47,6 +49,8 @@ def load(
 ) -> Segmenter:
     """The segmenter of a name of `SEGMENTERS`, or of a weights file (`WEIGHTS_SUFFIXES`), which tells whose it is.
 
+    ``thorough:FILE``: three looks by the PoleNet of a file.
+
     ``threads``: CPU threads for the network, for the whole process; by default as torch sets it.
     ``threshold``: instances of a lower score are left out. ``bfloat16``: less time on a CPU that computes it
     itself, at results that differ a little between machines. ``checkpoint``: what a Mask R-CNN's weights do not say
@@ -56,7 +60,10 @@ def load(
         "threads": threads, "threshold": threshold, "bfloat16": bfloat16, "device": device,
     }  # fmt: skip
     name = str(name_or_path)
-    if name.endswith(WEIGHTS_SUFFIXES):
+    if name.startswith(THOROUGH):
+        options["path"] = Path(name.removeprefix(THOROUGH))
+        name = THOROUGH.rstrip(":")
+    elif name.endswith(WEIGHTS_SUFFIXES):
         options["path"] = Path(name_or_path)
         name = network_of(options["path"])
     if name not in SEGMENTERS:
@@ -122,13 +129,16 @@ class PoleNetSegmenter:
         """Instances with a calibrated score of at least the threshold, masks at the resolution of ``image``."""
         return self.batch([image])[0]
 
-    def batch(self, images: Sequence[Image]) -> list[list[Instance]]:
-        """The instances of each of several images of one size, in one pass of the network."""
+    def batch(self, images: Sequence[Image], zoom: float = 1.0) -> list[list[Instance]]:
+        """The instances of each of several images of one size, in one pass of the network.
+
+        ``zoom``: the pictures' size, relative to that at which `frame` shows them by default.
+        """
         from scpf.models.polenet_inference import batch_maps
 
         if len({image.shape for image in images}) > 1:
             raise UsageError("images of different sizes in one batch")
-        framed = [frame(image) for image in images]
+        framed = [frame(image, zoom) for image in images]
         if not framed:
             return []
         found = batch_maps(self._net, np.stack([each for each, _ in framed]), self.info.tile_gate)
@@ -164,17 +174,19 @@ def instances(
     return sorted(found, key=lambda instance: -instance.score)
 
 
-def frame(image: Image) -> tuple[Image, tuple[int, int]]:
+def frame(image: Image, zoom: float = 1.0) -> tuple[Image, tuple[int, int]]:
     """The network's input (h, w, 3) and the (width, height) of it that the picture fills, from the upper left.
 
     The image is brought to about `PIXELS` (2048×1536 becomes 1024×768, 1226×370 becomes 1614×487), then padded to
-    multiples of `STRIDE_PX`.
+    multiples of `STRIDE_PX`. ``zoom`` makes it larger than that, or smaller, within the limits of any picture.
     """
     import cv2
 
     height, width = image.shape[:2]
-    scale = min((PIXELS / (height * width)) ** 0.5, MOST_ENLARGED, LONGEST_SIDE_PX / max(height, width))
+    longest = LONGEST_SIDE_PX / max(height, width)
+    scale = min((PIXELS / (height * width)) ** 0.5, MOST_ENLARGED, longest)
     scale = 1.0 if KEPT[0] < scale < KEPT[1] else scale
+    scale = scale if zoom == 1.0 else min(zoom * scale, MOST_ENLARGED, longest)
     shown = (max(1, round(width * scale)), max(1, round(height * scale)))
     whole = max(1, int(1 / scale + 1e-6))  # the mean of whole pixels first, as that of parts is slow
     small: NDArray[Any] = image

@@ -63,7 +63,8 @@ def label(
     doubtful
         Of five frames in each stretch, take the one whose detections are the most doubtful: it teaches the most.
     segmenter
-        `polenet`, `recorded` (masks that the log holds), or a file of weights.
+        `polenet`, `thorough` (three looks at each picture), `recorded` (masks that the log holds), or a file of
+        weights.
     threshold
         Suggest detections from this score on. What is wrong is faster deleted than drawn.
     tolerance_px

@@ -78,8 +78,9 @@ def replay(
     show_config
         Print the settings as TOML and stop.
     segmenter
-        `polenet` (the default), `recorded` (masks that the log holds), or a weights file: PoleNet's (.safetensors), or
-        a Mask R-CNN of torchvision or Detectron2 (.pth, .pkl).
+        `polenet` (the default), `thorough` (it looks thrice at each picture, finds more on real streets and takes 3.5
+        times as long; `thorough:FILE` with weights of your own), `recorded` (masks that the log holds), or a weights
+        file: PoleNet's (.safetensors), or a Mask R-CNN of torchvision or Detectron2 (.pth, .pkl).
     threshold
         Detections of a lower score are left out. By default 0.9, as in the paper.
     bfloat16

@@ -15,7 +15,7 @@ from scpf.models.detection_matching import Match
 from scpf.models.errors import InputError, UsageError
 from scpf.models.labelled_images import LabelledImage, Picture
 from scpf.models.polygons import outlines
-from scpf.models.segmentation import load
+from scpf.models.segmentation import THOROUGH, load
 from scpf.models.segmentation_evaluation import EvaluationSettings, Judged, evaluate
 from scpf.replay.segmenter_data import told
 
@@ -52,7 +52,8 @@ def evaluate_segmenter(
             _draw(pictures, done, judged, picture, settings.threshold)
 
     document = evaluate(segment, told(images, say), settings, draw).document()
-    return {"segmenter": Path(segmenter).name, "data": [str(path) for path in data], **document}
+    prefix = THOROUGH if segmenter.startswith(THOROUGH) else ""
+    return {"segmenter": prefix + Path(segmenter).name, "data": [str(path) for path in data], **document}
 
 
 def _draw(folder: Path, number: int, judged: Judged, picture: Picture, threshold: float) -> None:

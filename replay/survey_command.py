@@ -58,7 +58,8 @@ def map_survey(
     road_map
         Start from this map instead of the logs' own; it has to be in their frame.
     segmenter
-        `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
+        `polenet`, `thorough` (three looks at each picture), `recorded` (masks that the log holds), or a
+        .safetensors file.
     threshold
         Detections of a lower score are left out.
     distance_model

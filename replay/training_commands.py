@@ -62,7 +62,8 @@ def train_distance(
     folds
         Into how many parts the poles are dealt for that.
     segmenter
-        `polenet`, `recorded` (masks that the log holds), or a .safetensors file.
+        `polenet`, `thorough` (three looks at each picture), `recorded` (masks that the log holds), or a
+        .safetensors file.
     preset
         `paper`, or `default`: this project's best, with further features of the mask, and warped.
     experts
