@@ -53,7 +53,7 @@ def together(looks: Sequence[Sequence[Instance]]) -> list[Instance]:
         for each in look:
             if any(_same_as(each, earlier) is not None for earlier in looks[:first]):
                 continue
-            others = [_same_as(each, other) for other in looks if other is not look]
+            others = [_same_as(each, other) for k, other in enumerate(looks) if k != first]
             scores = [each.score, *(UNSEEN if other is None else other.score for other in others)]
             found.append(replace(each, score=float(1 / (1 + np.exp(-np.mean([logit(s) for s in scores]))))))
     return sorted(found, key=lambda each: -each.score)

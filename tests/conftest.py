@@ -30,7 +30,8 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """A worker a core; none for a single file, which is done before workers are up, nor where times are taken."""
     timed = "SCPF_BENCHMARK" in os.environ or config.getoption("--benchmark-only", False)
     single = len(config.args) == 1 and ".py" in config.args[0]
-    return 0 if timed or single else min(MOST_WORKERS, os.cpu_count() or 1)
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return 0 if timed or single else min(MOST_WORKERS, usable)
 
 
 @pytest.fixture(scope="session")

@@ -33,7 +33,7 @@ def test_what_all_have_seen_has_the_mean_of_their_log_odds() -> None:
 
 def test_the_same_three_times_is_the_same() -> None:
     look = [pole(20, 0.9), pole(60, 0.3)]
-    together = looks.together([look, list(look), list(look)])
+    together = looks.together([look] * 3)
     assert [(each.offset_px, each.box_px) for each in together] == [(e.offset_px, e.box_px) for e in look]
     assert [each.score for each in together] == pytest.approx([0.9, 0.3])
 
