@@ -40,6 +40,11 @@ def logit(probability: float) -> float:
     return math.log(p / (1 - p))
 
 
+def expit(log_odds: float) -> float:
+    """The probability of log-odds."""
+    return float(1 / (1 + np.exp(-log_odds)))
+
+
 class Form(NamedTuple):
     """Of a candidate's mask, in network pixels.
 
@@ -111,7 +116,7 @@ class ScoreCalibration:
 
     def probability(self, candidate: Candidate) -> float:
         """That the candidate is a light pole."""
-        return float(1 / (1 + np.exp(-(candidate.evidence @ self.weights))))
+        return expit(float(candidate.evidence @ self.weights))
 
 
 def group(mask: Floats, centre: Floats, offsets: Floats) -> list[Candidate]:

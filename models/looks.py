@@ -9,17 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from scpf.models.detection_matching import shared_px
-from scpf.models.grouping import logit
+from scpf.models.grouping import expit, logit
 from scpf.models.instances import Image, Instance
 from scpf.models.segmentation import DEFAULT_THRESHOLD, PoleNetSegmenter, load_polenet
 
 if TYPE_CHECKING:
-    from scpf.models.devices import DeviceName
     from scpf.models.polenet import WeightsInfo
 
 ZOOMS: Final = (1.0, 0.9, 1.25)  # chosen on painted scenes: docs/MODELS.md
@@ -51,11 +50,11 @@ def together(looks: Sequence[Sequence[Instance]]) -> list[Instance]:
     found: list[Instance] = []
     for first, look in enumerate(looks):
         for each in look:
-            if any(_same_as(each, earlier) is not None for earlier in looks[:first]):
-                continue
             others = [_same_as(each, other) for k, other in enumerate(looks) if k != first]
+            if any(earlier is not None for earlier in others[:first]):
+                continue
             scores = [each.score, *(UNSEEN if other is None else other.score for other in others)]
-            found.append(replace(each, score=float(1 / (1 + np.exp(-np.mean([logit(s) for s in scores]))))))
+            found.append(replace(each, score=expit(float(np.mean([logit(score) for score in scores])))))
     return sorted(found, key=lambda each: -each.score)
 
 
@@ -63,18 +62,13 @@ def _same_as(instance: Instance, look: Sequence[Instance]) -> Instance | None:
     """What a look has found there."""
     size = int(instance.mask.sum())
     shares = [shared_px(instance, each) / max(1, min(size, int(each.mask.sum()))) for each in look]
-    best = int(np.argmax(shares)) if shares else 0
-    return look[best] if shares and shares[best] >= LEAST_SHARED else None
+    if not shares or max(shares) < LEAST_SHARED:
+        return None
+    return look[shares.index(max(shares))]
 
 
 def load(
-    path: Path | None = None,
-    *,
-    threads: int | None = None,
-    threshold: float = DEFAULT_THRESHOLD,
-    bfloat16: bool = False,
-    device: DeviceName = "cpu",
+    path: Path | None = None, *, threshold: float = DEFAULT_THRESHOLD, **options: Any
 ) -> ThoroughSegmenter:
-    """As `segmentation.load_polenet`."""
-    look = load_polenet(path, threads=threads, threshold=LEAST_SCORE, bfloat16=bfloat16, device=device)
-    return ThoroughSegmenter(look, threshold)
+    """With the options of `segmentation.load_polenet`."""
+    return ThoroughSegmenter(load_polenet(path, threshold=LEAST_SCORE, **options), threshold)

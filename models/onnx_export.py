@@ -58,7 +58,7 @@ def export(net: polenet.PoleNet, info: polenet.WeightsInfo, output: Path) -> Non
     info = replace(info, tile_gate=None)  # the graph computes all
     description = {"format": FORMAT, "format_version": FORMAT_VERSION, "precision": "float32"}
     onnx.helper.set_model_props(model, {**description, "info": polenet.write_info(info)})
-    _write(model, output)
+    write_whole(output, model.SerializeToString())
 
 
 def quantise(exported: Path, output: Path, pictures: Sequence[Image]) -> None:
@@ -75,7 +75,7 @@ def quantise(exported: Path, output: Path, pictures: Sequence[Image]) -> None:
         model = onnx.load(_quantised(exported, Path(folder), pictures))
     properties = {each.key: each.value for each in onnx.load(exported).metadata_props}
     onnx.helper.set_model_props(model, {**properties, "precision": "int8"})
-    _write(model, output)
+    write_whole(output, model.SerializeToString())
 
 
 def _check_installed() -> None:
@@ -87,10 +87,6 @@ def _check_installed() -> None:
         raise MissingError(
             "exporting needs onnx, onnxscript and onnxruntime", "pip install 'scpf[onnx]'"
         ) from error
-
-
-def _write(model: Any, output: Path) -> None:
-    write_whole(output, model.SerializeToString())
 
 
 def _trace(net: polenet.PoleNet, path: Path) -> None:

@@ -34,7 +34,7 @@ SEGMENTERS = {
     "maskrcnn": "scpf.models.maskrcnn_segmenter:load",
     "onnx": "scpf.models.onnx_segmenter:load",
 }
-THOROUGH = "thorough:"  # before a file of PoleNet's weights
+THOROUGH_WITH = "thorough:"  # before a file of PoleNet's weights
 WEIGHTS_SUFFIXES = (".safetensors", ".pth", ".pt", ".pkl", ".onnx")
 
 
@@ -60,9 +60,9 @@ def load(
         "threads": threads, "threshold": threshold, "bfloat16": bfloat16, "device": device,
     }  # fmt: skip
     name = str(name_or_path)
-    if name.startswith(THOROUGH):
-        options["path"] = Path(name.removeprefix(THOROUGH))
-        name = THOROUGH.rstrip(":")
+    if name.startswith(THOROUGH_WITH):
+        options["path"] = Path(name.removeprefix(THOROUGH_WITH))
+        name = "thorough"
     elif name.endswith(WEIGHTS_SUFFIXES):
         options["path"] = Path(name_or_path)
         name = network_of(options["path"])
@@ -186,7 +186,8 @@ def frame(image: Image, zoom: float = 1.0) -> tuple[Image, tuple[int, int]]:
     longest = LONGEST_SIDE_PX / max(height, width)
     scale = min((PIXELS / (height * width)) ** 0.5, MOST_ENLARGED, longest)
     scale = 1.0 if KEPT[0] < scale < KEPT[1] else scale
-    scale = scale if zoom == 1.0 else min(zoom * scale, MOST_ENLARGED, longest)
+    if zoom != 1.0:
+        scale = min(zoom * scale, MOST_ENLARGED, longest)
     shown = (max(1, round(width * scale)), max(1, round(height * scale)))
     whole = max(1, int(1 / scale + 1e-6))  # the mean of whole pixels first, as that of parts is slow
     small: NDArray[Any] = image

@@ -109,6 +109,7 @@ def from_tiles(
     adds = added.size > 0
     half = np.empty((STEP, SIDE, channels), np.float32)
     whole = np.empty((STEP, channels), np.float32)
+    nothing = np.zeros(channels, np.float32)
     tile = 0
     for row in range(first, end):
         top = row * STEP
@@ -129,13 +130,9 @@ def from_tiles(
                     whole[2, c], whole[3, c] = v2 + bias[c], v3 + bias[c]
                 for j in range(min(STEP, width - left)):
                     out = level[top + i, left + j]
-                    if adds:
-                        more = added[top + i, left + j]
-                        for c in range(channels):
-                            out[c] = max(whole[j, c] + more[c], f4(0.0))
-                    else:
-                        for c in range(channels):
-                            out[c] = max(whole[j, c], f4(0.0))
+                    more = added[top + i, left + j] if adds else nothing
+                    for c in range(channels):
+                        out[c] = max(whole[j, c] + more[c], f4(0.0))
             tile += 1
 
 

@@ -15,7 +15,7 @@ from scpf.models.detection_matching import Match
 from scpf.models.errors import InputError, UsageError
 from scpf.models.labelled_images import LabelledImage, Picture
 from scpf.models.polygons import outlines
-from scpf.models.segmentation import THOROUGH, load
+from scpf.models.segmentation import THOROUGH_WITH, load
 from scpf.models.segmentation_evaluation import EvaluationSettings, Judged, evaluate
 from scpf.replay.segmenter_data import told
 
@@ -52,7 +52,7 @@ def evaluate_segmenter(
             _draw(pictures, done, judged, picture, settings.threshold)
 
     document = evaluate(segment, told(images, say), settings, draw).document()
-    prefix = THOROUGH if segmenter.startswith(THOROUGH) else ""
+    prefix = THOROUGH_WITH if segmenter.startswith(THOROUGH_WITH) else ""
     return {"segmenter": prefix + Path(segmenter).name, "data": [str(path) for path in data], **document}
 
 

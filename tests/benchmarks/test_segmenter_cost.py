@@ -58,6 +58,7 @@ def segmenters(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     direct: Any = segmentation.load("polenet", threads=1)
     folded = polenet_inference.fold_batch_norm(polenet.load(polenet.weights_path("polenet"))[0])
     direct._net = polenet_inference.channels_last(folded)
+    polenet_inference._pointwise_by_onednn(folded)
     found[DIRECT] = direct
     if polenet_inference.has_fast_bfloat16():
         found["torch bfloat16"] = segmentation.load("polenet", threads=1, bfloat16=True)
@@ -152,13 +153,9 @@ def test_frames_a_second_of_two_workers(
     with ThreadPoolExecutor(WORKERS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         for _ in range(CLOCK_ROUNDS):
             for name, segmenter in segmenters.items():
-
-                def whole(_: int, segmenter: Any = segmenter) -> list[Instance]:
-                    return segmenter(decode(encoded, ""))  # type: ignore[no-any-return]
-
-                list(pool.map(whole, range(4)))
+                list(pool.map(partial(_found_in, segmenter), [encoded] * 4))
                 begun = time.perf_counter()
-                list(pool.map(whole, range(PICTURES)))
+                list(pool.map(partial(_found_in, segmenter), [encoded] * PICTURES))
                 rates[name].append(PICTURES / (time.perf_counter() - begun))
     for name, each in rates.items():
         print(
